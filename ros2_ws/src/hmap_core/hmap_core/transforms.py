@@ -1,0 +1,94 @@
+"""Rigid transforms as pose vectors.
+
+A pose is a float array (7,): position x, y, z in metres, then a unit quaternion x, y, z, w (xyzw, as in ROS,
+PyBullet and SciPy). ``T_a_b`` is the pose of frame b expressed in frame a, so ``multiply(T_a_b, T_b_c)`` is ``T_a_c``.
+"""
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+IDENTITY.setflags(write=False)
+
+
+def pose(position=(0.0, 0.0, 0.0), quaternion=(0.0, 0.0, 0.0, 1.0)) -> np.ndarray:
+    """Pose (7,) of a position (3,) in metres and a quaternion (4,) xyzw, which is normalised."""
+    q = np.asarray(quaternion, float)
+    return np.concatenate([np.asarray(position, float), q / np.linalg.norm(q)])
+
+
+def from_rpy(position, rpy) -> np.ndarray:
+    """Pose (7,) of a position (3,) and fixed-axis roll, pitch, yaw (3,) in radians (the URDF convention)."""
+    return np.concatenate([np.asarray(position, float), Rotation.from_euler("xyz", rpy).as_quat()])
+
+
+def from_matrix(matrix: np.ndarray) -> np.ndarray:
+    """Pose (7,) of a homogeneous matrix (4, 4)."""
+    return np.concatenate([matrix[:3, 3], Rotation.from_matrix(matrix[:3, :3]).as_quat()])
+
+
+def to_matrix(T: np.ndarray) -> np.ndarray:
+    """Homogeneous matrix (4, 4) of a pose (7,)."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation_matrix(T)
+    matrix[:3, 3] = T[:3]
+    return matrix
+
+
+def rotation_matrix(T: np.ndarray) -> np.ndarray:
+    """Rotation matrix (3, 3) of a pose (7,)."""
+    x, y, z, w = T[3:]
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def quaternion_multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Hamilton product (4,) of two quaternions xyzw."""
+    ax, ay, az, aw = a
+    bx, by, bz, bw = b
+    return np.array(
+        [
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+            aw * bw - ax * bx - ay * by - az * bz,
+        ]
+    )
+
+
+def multiply(T_a_b: np.ndarray, T_b_c: np.ndarray) -> np.ndarray:
+    """``T_a_c`` (7,) from ``T_a_b`` and ``T_b_c``."""
+    q = quaternion_multiply(T_a_b[3:], T_b_c[3:])
+    return np.concatenate([T_a_b[:3] + rotation_matrix(T_a_b) @ T_b_c[:3], q / np.linalg.norm(q)])
+
+
+def inverse(T_a_b: np.ndarray) -> np.ndarray:
+    """``T_b_a`` (7,)."""
+    q = T_a_b[3:] * [-1.0, -1.0, -1.0, 1.0]
+    return np.concatenate([-(rotation_matrix(T_a_b).T @ T_a_b[:3]), q])
+
+
+def apply(T_a_b: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Points (..., 3) given in frame b, expressed in frame a."""
+    return np.asarray(points) @ rotation_matrix(T_a_b).T + T_a_b[:3]
+
+
+def distance(T_a: np.ndarray, T_b: np.ndarray) -> tuple[float, float]:
+    """Distance in metres and rotation angle in radians, in [0, pi], between two poses (7,)."""
+    # atan2 of the relative quaternion: exact near zero, where arccos of the dot product loses half its digits
+    q = quaternion_multiply(T_a[3:] * [-1.0, -1.0, -1.0, 1.0], T_b[3:])
+    angle = 2.0 * np.arctan2(np.linalg.norm(q[:3]), abs(q[3]))
+    return float(np.linalg.norm(T_a[:3] - T_b[:3])), float(angle)
+
+
+def interpolate(T_a: np.ndarray, T_b: np.ndarray, s) -> np.ndarray:
+    """Poses (..., 7) between ``T_a`` (s = 0) and ``T_b`` (s = 1): straight in position, shortest arc in rotation."""
+    s = np.asarray(s, float)
+    rotations = Slerp([0.0, 1.0], Rotation.from_quat([T_a[3:], T_b[3:]]))(s.reshape(-1)).as_quat()
+    positions = T_a[:3] + s.reshape(-1, 1) * (T_b[:3] - T_a[:3])
+    return np.concatenate([positions, rotations], axis=1).reshape(s.shape + (7,))
