@@ -1,0 +1,169 @@
+"""Bodies as sets of convex shapes, and distances between sets."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numba as nb
+import numpy as np
+import trimesh
+from scipy.spatial import ConvexHull
+
+from hmap_core.collision.gjk import FAR, OPTIONS, distance_within, signed_distance
+from hmap_core.exceptions import Code, InputError
+from hmap_core.transforms import apply, rotation_matrix
+from hmap_core.types import Shape, ShapeKind
+
+CYLINDER_SIDES = 32  # the polygon is drawn round the circle: at most 0.5 % of the radius too large, never too small
+
+__all__ = ["ConvexSet", "convex_set", "hull_vertices", "set_distance", "sets_closer", "signed_distance", "transformed"]
+
+
+@dataclass(frozen=True)
+class ConvexSet:
+    """S convex shapes in one frame: hulls of vertices, each swept by a sphere.
+
+    Attributes:
+        vertices: (V, 3) of all shapes, metres.
+        start: (S + 1,) shape s has vertices ``start[s]:start[s + 1]``.
+        radius: (S,) of the swept sphere.
+        center, bound: (S, 3), (S,) bounding sphere of each shape, the swept sphere included.
+    """
+
+    vertices: np.ndarray
+    start: np.ndarray
+    radius: np.ndarray
+    center: np.ndarray
+    bound: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.radius)
+
+    def hull(self, s: int) -> np.ndarray:
+        """Vertices (n, 3) of shape s."""
+        return self.vertices[self.start[s] : self.start[s + 1]]
+
+
+@lru_cache(maxsize=256)
+def _mesh_vertices(path: Path) -> np.ndarray:
+    try:
+        mesh = trimesh.load(path, force="mesh")
+        points = np.asarray(mesh.vertices, float)
+        return points[ConvexHull(points).vertices]
+    except Exception as error:
+        raise InputError(f"mesh '{path}' cannot be read as a solid: {error}", Code.INVALID_SCENE) from error
+
+
+def hull_vertices(shape: Shape) -> tuple[np.ndarray, float]:
+    """Vertices (n, 3) in the body frame and sphere radius of a shape."""
+    size = np.asarray(shape.size, float)
+    radius = 0.0
+    if shape.kind == ShapeKind.BOX:
+        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+        points = signs * size / 2
+    elif shape.kind == ShapeKind.CYLINDER:
+        angle = 2 * np.pi * (np.arange(CYLINDER_SIDES) + 0.5) / CYLINDER_SIDES
+        rim = size[0] / np.cos(np.pi / CYLINDER_SIDES) * np.c_[np.cos(angle), np.sin(angle)]
+        points = np.r_[np.c_[rim, np.full(len(rim), -size[1] / 2)], np.c_[rim, np.full(len(rim), size[1] / 2)]]
+    elif shape.kind == ShapeKind.SPHERE:
+        points, radius = np.zeros((1, 3)), float(size[0])
+    elif shape.kind == ShapeKind.CAPSULE:
+        points, radius = np.array([[0, 0, -size[1] / 2], [0, 0, size[1] / 2]]), float(size[0])
+    else:
+        points = _mesh_vertices(shape.mesh) * size
+    return apply(shape.pose, points), radius
+
+
+def _bounding_sphere(points: np.ndarray) -> tuple[np.ndarray, float]:
+    """A small enclosing sphere (Badoiu and Clarkson's iteration, made safe by the final maximum)."""
+    center = (points.min(0) + points.max(0)) / 2
+    for k in range(60):
+        distance = np.linalg.norm(points - center, axis=1)
+        center = center + (points[distance.argmax()] - center) / (k + 2)
+    fallback = (points.min(0) + points.max(0)) / 2
+    radius, other = (np.linalg.norm(points - c, axis=1).max() for c in (center, fallback))
+    return (center, radius) if radius < other else (fallback, other)
+
+
+def from_hulls(hulls: Sequence[tuple[np.ndarray, float]]) -> ConvexSet:
+    """The set of hulls given as (vertices (n, 3), radius) pairs."""
+    if not hulls:
+        empty = np.zeros((0, 3))
+        return ConvexSet(empty, np.zeros(1, np.int64), np.zeros(0), empty, np.zeros(0))
+    spheres = [_bounding_sphere(points) for points, _ in hulls]
+    radius = np.array([r for _, r in hulls])
+    return ConvexSet(
+        np.ascontiguousarray(np.concatenate([points for points, _ in hulls])),
+        np.concatenate([[0], np.cumsum([len(points) for points, _ in hulls])]).astype(np.int64),
+        radius,
+        np.array([c for c, _ in spheres]),
+        np.array([b for _, b in spheres]) + radius,
+    )
+
+
+def convex_set(shapes: Sequence[Shape]) -> ConvexSet:
+    """The convex set of a body's shapes, in the body frame."""
+    return from_hulls([hull_vertices(shape) for shape in shapes])
+
+
+def transformed(shapes: ConvexSet, T: np.ndarray) -> ConvexSet:
+    """The same shapes seen from a frame in which theirs has the pose T (7,)."""
+    return ConvexSet(
+        np.ascontiguousarray(apply(T, shapes.vertices)), shapes.start, shapes.radius, apply(T, shapes.center), shapes.bound
+    )
+
+
+@nb.njit(**OPTIONS)
+def _centers_apart(cA, RA, pA, cB, RB, pB):
+    d = 0.0
+    for x in range(3):
+        u = RA[x, 0] * cA[0] + RA[x, 1] * cA[1] + RA[x, 2] * cA[2] + pA[x]
+        w = RB[x, 0] * cB[0] + RB[x, 1] * cB[1] + RB[x, 2] * cB[2] + pB[x]
+        d += (u - w) * (u - w)
+    return np.sqrt(d)
+
+
+@nb.njit(**OPTIONS)
+def sets_closer(VA, sA, radA, cA, bA, RA, pA, VB, sB, radB, cB, bB, RB, pB, margin):
+    """Whether any shape of set A is nearer than ``margin`` (m) to any of set B; the arrays are those of ConvexSet."""
+    witness = np.empty((3, 3))
+    work = np.zeros((20, 3))
+    for i in range(len(radA)):
+        for j in range(len(radB)):
+            if _centers_apart(cA[i], RA, pA, cB[j], RB, pB) - bA[i] - bB[j] > margin:
+                continue
+            work[0, :] = pA - pB
+            d = distance_within(
+                VA[sA[i] : sA[i + 1]], RA, pA, radA[i], VB[sB[j] : sB[j + 1]], RB, pB, radB[j], margin, witness, work
+            )
+            if d < margin:
+                return True
+    return False
+
+
+@nb.njit(**OPTIONS)
+def sets_distance(VA, sA, radA, cA, bA, RA, pA, VB, sB, radB, cB, bB, RB, pB, cutoff):
+    """Smallest signed distance (m) between two sets, or a value above ``cutoff`` when they are farther apart."""
+    witness = np.empty((3, 3))
+    work = np.zeros((20, 3))
+    best = FAR
+    for i in range(len(radA)):
+        for j in range(len(radB)):
+            limit = min(best, cutoff)
+            if _centers_apart(cA[i], RA, pA, cB[j], RB, pB) - bA[i] - bB[j] > limit:
+                continue
+            work[0, :] = pA - pB
+            d = distance_within(
+                VA[sA[i] : sA[i + 1]], RA, pA, radA[i], VB[sB[j] : sB[j + 1]], RB, pB, radB[j], limit, witness, work
+            )
+            best = min(best, d)
+    return best
+
+
+def set_distance(A: ConvexSet, T_a: np.ndarray, B: ConvexSet, T_b: np.ndarray, cutoff: float = FAR) -> float:
+    """Smallest signed distance in metres between two sets at poses (7,); above ``cutoff`` only a bound."""
+    return sets_distance(
+        A.vertices, A.start, A.radius, A.center, A.bound, rotation_matrix(T_a), T_a[:3],
+        B.vertices, B.start, B.radius, B.center, B.bound, rotation_matrix(T_b), T_b[:3], cutoff,
+    )  # fmt: skip
