@@ -1,0 +1,201 @@
+"""Time-optimal timing of a joint path under velocity and acceleration limits.
+
+The geometry is a natural cubic spline over the joint-space chord length (:func:`spline`); the speed along it comes
+from TOPPRA (Pham and Pham, "A New Approach to Time-Optimal Path Parameterization Based on Reachability Analysis", T-RO
+2018).
+The result is stretched to a whole number of sampling periods, so that pieces join on one uniform grid.
+"""
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+import toppra
+from scipy.interpolate import CubicSpline
+from toppra.algorithm import TOPPRA
+from toppra.constraint import JointAccelerationConstraint, JointVelocityConstraint
+
+from hmap_core.exceptions import MotionError
+
+DUPLICATE_DISTANCE = 1e-6  # rad; points closer than this to the last kept one are one point
+LIMIT_MARGIN = 0.99  # share of the limits used in planning the speed; the rest covers what happens between grid points
+GRID_INTERVALS = 64  # of the path parameter, spread over the spline's pieces by length
+GRID_RETRIES = (1, 4)  # factors on GRID_INTERVALS that are tried in turn
+STRETCH_ROUNDS = 20  # corrections of the duration when samples still exceed a limit
+
+logging.getLogger("toppra").setLevel(logging.ERROR)  # failures are handled here
+
+
+@dataclass(frozen=True)
+class TimedPath:
+    """A joint motion sampled uniformly, at rest at both ends.
+
+    Attributes:
+        time: (N,) s, multiples of the sampling period from 0.
+        q: (N, n) joint positions, rad (m for prismatic joints).
+        qd: (N, n) joint velocities; exactly zero in the first and the last row.
+    """
+
+    time: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first to the last sample."""
+        return float(self.time[-1])
+
+
+def distinct_points(path: np.ndarray) -> np.ndarray:
+    """The path (M, n) without repeated points; its first and last point are kept exactly."""
+    kept = [0]
+    for i in range(1, len(path)):
+        if np.linalg.norm(path[i] - path[kept[-1]]) > DUPLICATE_DISTANCE:
+            kept.append(i)
+    last = len(path) - 1
+    if kept[-1] != last and not np.array_equal(path[kept[-1]], path[last]):
+        # the end replaces the point it nearly repeats, unless that is the start
+        kept = [0, last] if len(kept) == 1 else [*kept[:-1], last]
+    return path[kept]
+
+
+def spline(path: np.ndarray) -> CubicSpline:
+    """The curve that :func:`time_parameterise` follows through a path (M, n).
+
+    Returns:
+        A callable from the chord length s in [0, L] (rad) to joint positions (n,); its knots are ``.x``, so L is
+        ``.x[-1]``, and ``.derivative()`` differentiates it. A path of one point gives the constant curve on [0, 1].
+
+    Raises:
+        MotionError: the path is empty, not a matrix, or not finite.
+    """
+    points = distinct_points(_checked_path(path))
+    if len(points) == 1:
+        return CubicSpline([0.0, 1.0], np.repeat(points, 2, axis=0), bc_type="natural")
+    chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    return CubicSpline(chord, points, bc_type="natural")
+
+
+def time_parameterise(
+    path: np.ndarray, velocity_limits: np.ndarray, acceleration_limits: np.ndarray, dt: float
+) -> TimedPath:
+    """The fastest motion along ``spline(path)`` under the limits, from rest to rest, sampled every ``dt``.
+
+    First and second finite differences of the samples stay within the limits, also where a piece that rests there is
+    joined on before or after.
+
+    Args:
+        path: (M, n) joint positions, M >= 1. A single point, or equal ones, give one sample at time 0.
+        velocity_limits: (n,) rad/s, positive.
+        acceleration_limits: (n,) rad/s^2, positive.
+        dt: sampling period, s.
+
+    Raises:
+        MotionError: wrong input, or no timing exists.
+    """
+    path = _checked_path(path)
+    velocity_limits = _checked_limits("velocity", velocity_limits, path.shape[1])
+    acceleration_limits = _checked_limits("acceleration", acceleration_limits, path.shape[1])
+    if not (np.isfinite(dt) and dt > 0.0):
+        raise MotionError(f"the sampling period is {dt} s; it has to be positive")
+    if len(distinct_points(path)) == 1:
+        return TimedPath(np.zeros(1), path[:1].copy(), np.zeros_like(path[:1]))
+    curve = spline(path)
+    profile = _speed_profile(curve, LIMIT_MARGIN * velocity_limits, LIMIT_MARGIN * acceleration_limits)
+    steps = max(1, int(np.ceil(profile.time[-1] / dt)))
+    for _ in range(STRETCH_ROUNDS):
+        timed = _sample(curve, profile, steps, dt, path[0], path[-1])
+        excess = _limit_excess(timed.q, velocity_limits, acceleration_limits, dt)
+        if excess <= 1.0:
+            return timed
+        steps = max(steps + 1, int(np.ceil(steps * excess)))
+    raise MotionError(f"the timing of a path of {len(path)} points still exceeds a limit {excess:.3f} times")
+
+
+@dataclass(frozen=True)
+class _Profile:
+    """Speed along the curve: (K,) instants, parameters, speeds; (K - 1,) constant accelerations between them."""
+
+    time: np.ndarray
+    s: np.ndarray
+    speed: np.ndarray
+    acceleration: np.ndarray
+
+
+def _checked_path(path: np.ndarray) -> np.ndarray:
+    path = np.asarray(path, float)
+    if path.ndim != 2 or 0 in path.shape:
+        raise MotionError(f"a joint path has the shape (points, joints), both at least 1; this one has {path.shape}")
+    if not np.isfinite(path).all():
+        row, column = np.argwhere(~np.isfinite(path))[0]
+        raise MotionError(f"point {row} of the path is {path[row, column]} at joint {column}; it has to be finite")
+    return path
+
+
+def _checked_limits(name: str, limits: np.ndarray, joints: int) -> np.ndarray:
+    limits = np.asarray(limits, float)
+    if limits.shape != (joints,) or not (np.isfinite(limits).all() and (limits > 0.0).all()):
+        raise MotionError(f"the {name} limits are {limits}; {joints} positive numbers are needed")
+    return limits
+
+
+def _speed_profile(curve: CubicSpline, velocity_limits: np.ndarray, acceleration_limits: np.ndarray) -> _Profile:
+    """TOPPRA on the curve scaled to unit length and to a unit of time in which the limits are of order one.
+
+    With u = s / L and t = tau * sqrt(L / a) the path is q / L, the velocity limit v / sqrt(L a) and the acceleration
+    limit 1, whatever the length: the solver's absolute tolerances mean the same for a path of a degree and of a turn.
+    """
+    length = float(curve.x[-1])
+    unit = np.sqrt(length / acceleration_limits.max())  # s
+    path = toppra.SplineInterpolator(curve.x / length, curve(curve.x) / length, bc_type="natural")
+    velocity = velocity_limits * unit / length
+    acceleration = acceleration_limits * unit**2 / length
+    constraints = [
+        JointVelocityConstraint(np.column_stack([-velocity, velocity])),
+        JointAccelerationConstraint(np.column_stack([-acceleration, acceleration])),
+    ]
+    for factor in GRID_RETRIES:
+        grid = _grid(curve.x / length, factor * GRID_INTERVALS)
+        solver = TOPPRA(constraints, path, gridpoints=grid, solver_wrapper="seidel")
+        _, speed, _ = solver.compute_parameterization(0.0, 0.0)
+        if speed is not None and np.isfinite(speed).all() and (speed[1:] + speed[:-1] > 0.0).all():
+            return _profile(grid * length, speed * length / unit)
+    raise MotionError(f"TOPPRA finds no timing for a path of {len(curve.x)} points and length {length:.6g} rad")
+
+
+def _grid(knots: np.ndarray, intervals: int) -> np.ndarray:
+    """Grid points that contain the knots, each piece divided in proportion to its length."""
+    counts = np.maximum(1, np.ceil(np.diff(knots) * intervals)).astype(int)
+    pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(knots, knots[1:], counts, strict=False)]
+    return np.concatenate([*pieces, knots[-1:]])
+
+
+def _profile(s: np.ndarray, speed: np.ndarray) -> _Profile:
+    speed = speed.copy()
+    speed[0] = speed[-1] = 0.0
+    periods = 2.0 * np.diff(s) / (speed[1:] + speed[:-1])
+    time = np.concatenate([[0.0], np.cumsum(periods)])
+    return _Profile(time, s, speed, np.diff(speed) / periods)
+
+
+def _sample(curve: CubicSpline, profile: _Profile, steps: int, dt: float, start, end) -> TimedPath:
+    """``steps + 1`` samples of the curve with the profile stretched evenly over ``steps * dt`` seconds."""
+    time = np.arange(steps + 1) * dt
+    stretch = steps * dt / profile.time[-1]
+    t = time / stretch
+    k = np.clip(np.searchsorted(profile.time, t, side="right") - 1, 0, len(profile.acceleration) - 1)
+    tau = t - profile.time[k]
+    s = profile.s[k] + tau * (profile.speed[k] + 0.5 * tau * profile.acceleration[k])
+    speed = (profile.speed[k] + tau * profile.acceleration[k]) / stretch
+    q, qd = curve(np.clip(s, 0.0, profile.s[-1])), curve(np.clip(s, 0.0, profile.s[-1]), 1) * speed[:, None]
+    q[0], q[-1] = start, end
+    qd[0] = qd[-1] = 0.0
+    return TimedPath(time, q, qd)
+
+
+def _limit_excess(q: np.ndarray, velocity_limits: np.ndarray, acceleration_limits: np.ndarray, dt: float) -> float:
+    """How much longer the motion has to last for the differences of the samples to meet the limits; <= 1 if they do."""
+    resting = np.concatenate([q[:1], q, q[-1:]])
+    velocity = np.abs(np.diff(resting, axis=0)).max(axis=0) / dt
+    acceleration = np.abs(np.diff(resting, 2, axis=0)).max(axis=0) / dt**2
+    return max((velocity / velocity_limits).max(), np.sqrt((acceleration / acceleration_limits).max()))
