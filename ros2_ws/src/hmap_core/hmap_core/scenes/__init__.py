@@ -1,0 +1,7 @@
+"""Scenes, tasks and robots as data: YAML with a strict schema, randomised with a seed. See ``docs/scenes.md``."""
+
+from hmap_core.scenes.bodies import list_objects
+from hmap_core.scenes.loader import list_tasks, load_scene
+from hmap_core.scenes.robots import list_robots, load_robot_model
+
+__all__ = ["list_objects", "list_robots", "list_tasks", "load_robot_model", "load_scene"]

@@ -1,0 +1,152 @@
+"""YAML files as plain data that remember the line of every key, so that an error can point at it."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.error import MarkedYAMLError
+from ruamel.yaml.scalarbool import ScalarBoolean
+from ruamel.yaml.scalarfloat import ScalarFloat
+from ruamel.yaml.scalarint import ScalarInt
+from ruamel.yaml.scalarstring import ScalarString
+
+from hmap_core.exceptions import Code, InputError
+
+MAX_FILE_SIZE = 1_000_000  # bytes; a scene is a few kB, anything larger is not one
+MAX_NODES = 100_000  # values after aliases are expanded
+MAX_SHOWN = 60  # characters of a wrong value that an error repeats
+
+Location = tuple[str | int, ...]
+
+
+@dataclass
+class Document:
+    """A file's data and where each part of it stands."""
+
+    path: Path
+    data: dict[str, Any]
+    lines: dict[Location, int] = field(default_factory=dict)
+
+    def line(self, location: Location) -> int:
+        """Line, from 1, of the key at ``location`` or of the nearest one around it."""
+        while location and location not in self.lines:
+            location = location[:-1]
+        return self.lines.get(location, 1)
+
+    def value(self, location: Location) -> Any:
+        """The value at ``location`` as written, or None where there is none."""
+        value: Any = self.data
+        for step in location:
+            try:
+                value = value[step]
+            except (KeyError, IndexError, TypeError):
+                return None
+        return value
+
+    def error(self, location: Location, problem: str, code: Code = Code.INVALID_SCENE) -> InputError:
+        """An error that names the file, the line, the key, its value and the problem."""
+        value = self.value(location)
+        shown = "" if value is None or isinstance(value, dict) or not location else f" = {_shorten(value)}"
+        return InputError(f"{self.path}:{self.line(location)}: {key_text(location)}{shown}: {problem}", code)
+
+
+def key_text(location: Location) -> str:
+    """``("movable", "bar", "size", 1)`` as ``movable.bar.size[1]``."""
+    text = ""
+    for step in location:
+        text += f"[{step}]" if isinstance(step, int) else f".{step}"
+    return text.removeprefix(".") or "the file"
+
+
+def read(path: Path) -> Document:
+    """Reads a YAML file whose top level is a mapping.
+
+    Raises:
+        InputError: INVALID_SCENE when the file cannot be read or is not such a file.
+    """
+    text = _read_text(path)
+    try:
+        node = YAML(typ="rt", pure=True).load(text)
+    except MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 1
+        problem = " ".join(str(error.problem or error.context).split())
+        raise InputError(f"{path}:{line}: not valid YAML: {problem}", Code.INVALID_SCENE) from error
+    except Exception as error:  # the parser lets errors of its own making through, such as ValueError of a long number
+        raise InputError(f"{path}:1: not valid YAML: {error}", Code.INVALID_SCENE) from error
+    if node is None:
+        raise InputError(f"{path}:1: the file is empty; it must be a mapping with the key schema: 1", Code.INVALID_SCENE)
+    if not isinstance(node, CommentedMap):
+        raise InputError(f"{path}:1: the top level must be a mapping of keys to values", Code.INVALID_SCENE)
+    document = Document(path, {})
+    document.data = _Converter(document).convert(node, (), ())
+    return document
+
+
+def _read_text(path: Path) -> str:
+    try:
+        if path.stat().st_size > MAX_FILE_SIZE:
+            raise InputError(f"{path}: larger than {MAX_FILE_SIZE} bytes; is this a scene?", Code.INVALID_SCENE)
+        return path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:  # ValueError: not UTF-8, or a path with a null character
+        raise InputError(f"{path}: cannot be read: {error}", Code.INVALID_SCENE) from error
+
+
+def _shorten(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= MAX_SHOWN else text[: MAX_SHOWN - 3] + "..."
+
+
+class _Converter:
+    """Turns the parser's nodes into plain values, noting their lines."""
+
+    def __init__(self, document: Document):
+        self._document = document
+        self._nodes = 0
+
+    def convert(self, node: Any, location: Location, ancestors: tuple[int, ...]) -> Any:
+        self._nodes += 1
+        if self._nodes > MAX_NODES:
+            raise self._document.error((), f"more than {MAX_NODES} values once its aliases are expanded")
+        if id(node) in ancestors:
+            raise self._document.error(location, "an alias that contains itself")
+        if isinstance(node, CommentedMap):
+            return self._mapping(node, location, (*ancestors, id(node)))
+        if isinstance(node, CommentedSeq):
+            return self._sequence(node, location, (*ancestors, id(node)))
+        return self._scalar(node, location)
+
+    def _mapping(self, node: CommentedMap, location: Location, ancestors: tuple[int, ...]) -> dict:
+        result = {}
+        for key, value in node.items():
+            if not isinstance(key, str):
+                raise self._document.error(location, f"the key {key!r} must be text")
+            here = (*location, str(key))
+            try:
+                self._document.lines[here] = node.lc.key(key)[0] + 1
+            except (KeyError, AttributeError, TypeError):  # merged from another mapping: it has no line here
+                pass
+            result[str(key)] = self.convert(value, here, ancestors)
+        return result
+
+    def _sequence(self, node: CommentedSeq, location: Location, ancestors: tuple[int, ...]) -> list:
+        result = []
+        for i, value in enumerate(node):
+            here = (*location, i)
+            try:
+                self._document.lines[here] = node.lc.item(i)[0] + 1
+            except (KeyError, AttributeError, TypeError):
+                pass
+            result.append(self.convert(value, here, ancestors))
+        return result
+
+    def _scalar(self, node: Any, location: Location) -> Any:
+        if isinstance(node, ScalarBoolean):
+            return bool(node)
+        for plain, wrapped in ((float, ScalarFloat), (int, ScalarInt), (str, ScalarString)):
+            if isinstance(node, wrapped):
+                return plain(node)
+        if node is None or isinstance(node, bool | int | float | str):
+            return node
+        raise self._document.error(location, f"a value of the kind {type(node).__name__} has no meaning here")

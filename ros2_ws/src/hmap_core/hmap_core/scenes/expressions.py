@@ -1,0 +1,58 @@
+"""Arithmetic in scene files: ``0.25 + bar/2 + gap``."""
+
+import ast
+import operator
+from collections.abc import Mapping
+
+MAX_LENGTH = 200  # characters
+_BINARY = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv}
+_UNARY = {ast.UAdd: operator.pos, ast.USub: operator.neg}
+ALLOWED = "numbers, parameter names, + - * / and parentheses"
+
+
+class ExpressionError(ValueError):
+    """An expression that cannot be evaluated; its text says why."""
+
+
+def names(expression: str) -> list[str]:
+    """The parameters an expression refers to, in order."""
+    return [node.id for node in ast.walk(_parse(expression)) if isinstance(node, ast.Name)]
+
+
+def evaluate(expression: str, parameters: Mapping[str, float]) -> float:
+    """Value of an expression of numbers, parameter names, ``+ - * /`` and parentheses.
+
+    Raises:
+        ExpressionError: anything else, an unknown name, or a division by zero.
+    """
+    try:
+        return _value(_parse(expression), parameters)
+    except ZeroDivisionError as error:
+        raise ExpressionError("divides by zero") from error
+    except OverflowError as error:
+        raise ExpressionError("is too large a number") from error
+
+
+def _parse(expression: str) -> ast.expr:
+    if len(expression) > MAX_LENGTH:
+        raise ExpressionError(f"is longer than {MAX_LENGTH} characters")
+    try:
+        return ast.parse(expression.strip(), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        raise ExpressionError(f"is neither a number nor an expression of {ALLOWED}") from error
+
+
+def _value(node: ast.expr, parameters: Mapping[str, float]) -> float:
+    match node:
+        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+            return float(number)
+        case ast.Name(id=name):
+            if name not in parameters:
+                known = ", ".join(parameters) or "none"
+                raise ExpressionError(f"refers to the unknown parameter {name!r}; known: {known}")
+            return parameters[name]
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
+            return _BINARY[type(op)](_value(left, parameters), _value(right, parameters))
+        case ast.UnaryOp(op=op, operand=operand) if type(op) in _UNARY:
+            return _UNARY[type(op)](_value(operand, parameters))
+    raise ExpressionError(f"may hold only {ALLOWED}")

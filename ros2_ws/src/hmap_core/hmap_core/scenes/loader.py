@@ -1,0 +1,156 @@
+"""Tasks: from a name or a file and a seed to a scene."""
+
+from pathlib import Path
+
+import numpy as np
+
+from hmap_core import transforms
+from hmap_core.exceptions import Code, InputError
+from hmap_core.scenes import resources
+from hmap_core.scenes.bodies import build_body
+from hmap_core.scenes.document import Document, read
+from hmap_core.scenes.fields import nearest
+from hmap_core.scenes.parameters import draw
+from hmap_core.scenes.robots import load_robot_model
+from hmap_core.scenes.schema import CameraEntry, GoalEntry, TaskFile
+from hmap_core.scenes.validate import validate
+from hmap_core.types import Body, BodyKind, Camera, Goal, Robot, Scene
+
+MIN_VIEW_ANGLE = np.deg2rad(0.1)  # between a camera's view and its up direction
+
+
+def list_tasks() -> list[str]:
+    """Names of the tasks that come with hmap, such as ``tunnel`` and ``published/tunnel``."""
+    folder = resources.package_path("hmap_scenes") / "tasks"
+    return sorted(path.relative_to(folder).with_suffix("").as_posix() for path in folder.rglob("*.yaml"))
+
+
+def load_scene(task: str | Path, seed: int | None = None) -> Scene:
+    """The scene of a task, randomised with ``seed``.
+
+    Args:
+        task: a name of :func:`list_tasks`, or the path of a task file.
+        seed: 0 or larger; None takes the task's own, which is 0 unless it says otherwise. The same seed gives the same
+            scene.
+
+    Raises:
+        InputError: UNKNOWN_TASK, UNKNOWN_OBJECT, UNKNOWN_ROBOT, INVALID_SCENE, INVALID_POSE or INVALID_INPUT (seed).
+    """
+    if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0):
+        raise InputError(f"seed = {seed!r}: must be an integer, 0 or larger")
+    document = read(_task_path(task))
+    if seed is None:
+        default = document.data.get("seed", 0)
+        seed = default if type(default) is int and default >= 0 else 0  # a wrong one is reported by validate
+    entry = validate(TaskFile, document, draw(document, int(seed)))
+    return _build(document, entry, str(task), int(seed))
+
+
+def _task_path(task: str | Path) -> Path:
+    if isinstance(task, Path) or str(task).endswith((".yaml", ".yml")):
+        path = Path(task).expanduser()
+        try:
+            if path.is_file():
+                return path
+        except (OSError, ValueError):
+            pass
+        raise InputError(f"no task file {str(task)!r}", Code.UNKNOWN_TASK)
+    known = list_tasks()
+    if task not in known:
+        hint = nearest(str(task), known)
+        raise InputError(
+            f"unknown task {str(task)!r}.{hint} Known: {', '.join(known)}, or the path of a .yaml file",
+            Code.UNKNOWN_TASK,
+        )
+    return resources.package_path("hmap_scenes") / "tasks" / f"{task}.yaml"
+
+
+def _build(document: Document, entry: TaskFile, task: str, seed: int) -> Scene:
+    bodies = _bodies(document, entry, seed)
+    return Scene(
+        task=task,
+        seed=seed,
+        mode=entry.mode,
+        bodies=bodies,
+        robots=_robots(document, entry, bodies),
+        cameras={name: _camera(document, name, camera) for name, camera in entry.cameras.items()},
+        goal=_goal(document, entry.goal, bodies),
+        motion=entry.motion,
+        removable=_removable(document, entry, bodies),
+        execution_tolerance=(
+            entry.execution_tolerance.position,
+            float(np.deg2rad(entry.execution_tolerance.rotation_deg)),
+        ),
+    )
+
+
+def _bodies(document: Document, entry: TaskFile, seed: int) -> dict[str, Body]:
+    bodies: dict[str, Body] = {}
+    groups = {"fixed": BodyKind.FIXED, "movable": BodyKind.MOVABLE, "tools": BodyKind.TOOL}
+    for group, kind in groups.items():
+        for name, body in getattr(entry, group).items():
+            if name in bodies:
+                raise document.error((group, name), f"a {bodies[name].kind.value} body has this name already")
+            bodies[name] = build_body(document, (group, name), name, kind, body, seed)
+    return bodies
+
+
+def _robots(document: Document, entry: TaskFile, bodies: dict[str, Body]) -> dict[str, Robot]:
+    robots = {}
+    for name, robot in entry.robots.items():
+        here = ("robots", name)
+        if name in bodies:
+            raise document.error(here, "a body has this name already")
+        try:
+            model = load_robot_model(robot.model, document.path.parent)
+        except InputError as error:
+            if error.code is not Code.UNKNOWN_ROBOT:
+                raise
+            raise document.error((*here, "model"), error.reason, error.code) from error
+        q = model.home.copy() if robot.q is None else np.array(robot.q)
+        if len(q) != len(model.joint_names):
+            raise document.error((*here, "q"), f"must have {len(model.joint_names)} numbers, one for each joint")
+        lower, upper = model.position_limits
+        for i in np.flatnonzero((q < lower) | (q > upper)):
+            limits = f"[{lower[i]:g}, {upper[i]:g}]"
+            raise document.error((*here, "q", int(i)), f"must be within the joint's limits {limits}")
+        robots[name] = Robot(name, model, robot.base.vector(), q)
+    return robots
+
+
+def _camera(document: Document, name: str, entry: CameraEntry) -> Camera:
+    forward = np.subtract(entry.look_at, entry.position)
+    right = np.cross(forward, entry.up)
+    if np.linalg.norm(right) <= np.sin(MIN_VIEW_ANGLE) * np.linalg.norm(forward) * np.linalg.norm(entry.up):
+        raise document.error(
+            ("cameras", name), "look_at must differ from position, and up must not be along the view; try up: [0, 1, 0]"
+        )
+    forward, right = forward / np.linalg.norm(forward), right / np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.column_stack([right, np.cross(forward, right), forward])
+    matrix[:3, 3] = entry.position
+    return Camera(name, transforms.from_matrix(matrix), entry.width, entry.height, float(np.deg2rad(entry.fov_y_deg)))
+
+
+def _movable(document: Document, location: tuple, name: str, bodies: dict[str, Body]) -> None:
+    """Raises InputError unless ``name`` is a body that may move."""
+    movable = [body.name for body in bodies.values() if body.kind is not BodyKind.FIXED]
+    if name not in bodies:
+        problem = f"unknown object {name!r}.{nearest(name, movable)} Known: {', '.join(movable)}"
+        raise document.error(location, problem, Code.UNKNOWN_OBJECT)
+    if name not in movable:
+        raise document.error(location, f"{name!r} is fixed; movable: {', '.join(movable)}")
+
+
+def _goal(document: Document, entry: GoalEntry, bodies: dict[str, Body]) -> Goal:
+    _movable(document, ("goal", "object"), entry.object, bodies)
+    tolerance = float(np.deg2rad(entry.rotation_tolerance_deg))
+    return Goal(entry.object, entry.pose.vector(), entry.position_tolerance, tolerance)
+
+
+def _removable(document: Document, entry: TaskFile, bodies: dict[str, Body]) -> dict[str, np.ndarray | None]:
+    for name in entry.removable:
+        _movable(document, ("removable", name), name, bodies)
+        if name == entry.goal.object:
+            raise document.error(("removable", name), "is the goal's object")
+    return {name: pose.vector() if pose else None for name, pose in entry.removable.items()}

@@ -1,0 +1,118 @@
+"""Robot files: what a URDF does not say about an arm."""
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+
+from hmap_core.exceptions import Code, InputError
+from hmap_core.scenes import resources
+from hmap_core.scenes.document import Document, Location, read
+from hmap_core.scenes.fields import nearest
+from hmap_core.scenes.parameters import draw
+from hmap_core.scenes.schema import GripperEntry, RobotFile
+from hmap_core.scenes.validate import validate
+from hmap_core.types import Gripper, RobotModel
+
+
+def list_robots() -> list[str]:
+    """Names of the robot models that come with hmap."""
+    return sorted(path.stem for path in (resources.package_path("hmap_scenes") / "robots").glob("*.yaml"))
+
+
+def load_robot_model(name: str, base: Path | None = None) -> RobotModel:
+    """The robot model ``name``: one that comes with hmap, or the path of a robot file (relative to ``base``).
+
+    Raises:
+        InputError: UNKNOWN_ROBOT or INVALID_SCENE.
+    """
+    if name.endswith((".yaml", ".yml")):
+        path = (base or Path()) / Path(name).expanduser()
+    else:
+        path = resources.package_path("hmap_scenes") / "robots" / f"{name}.yaml"
+        if name not in list_robots():
+            hint = nearest(name, list_robots())
+            known = ", ".join(list_robots())
+            raise InputError(
+                f"unknown robot model {name!r}.{hint} Known: {known}, or the path of a .yaml file", Code.UNKNOWN_ROBOT
+            )
+    document = read(path)
+    return _build(document, validate(RobotFile, document, draw(document, seed=0)))
+
+
+def _build(document: Document, entry: RobotFile) -> RobotModel:
+    try:
+        urdf = resources.resolve(entry.urdf, document.path.parent)
+    except InputError as error:
+        raise document.error(("urdf",), error.reason) from error
+    _check_names(document, entry, urdf)
+    lower, upper = entry.position_limits.lower, entry.position_limits.upper
+    arrays = {
+        ("home",): entry.home,
+        ("position_limits", "lower"): lower,
+        ("position_limits", "upper"): upper,
+        ("velocity_limits",): entry.velocity_limits,
+        ("acceleration_limits",): entry.acceleration_limits,
+    }
+    for location, values in arrays.items():
+        if len(values) != len(entry.joints):
+            raise document.error(location, f"has {len(values)} numbers; joints has {len(entry.joints)}")
+    for i, name in enumerate(entry.joints):
+        if lower[i] >= upper[i]:
+            raise document.error(("position_limits", "lower", i), f"of {name} must be below upper, {upper[i]:g}")
+        if not lower[i] <= entry.home[i] <= upper[i]:
+            raise document.error(("home", i), f"of {name} must be within its limits [{lower[i]:g}, {upper[i]:g}]")
+    return RobotModel(
+        name=document.path.stem,
+        urdf=urdf,
+        urdf_uri=entry.urdf if "://" in entry.urdf else resources.portable(urdf.resolve()),
+        joint_names=tuple(entry.joints),
+        end_effector_link=entry.end_effector.link,
+        T_link_ee=entry.end_effector.pose.vector(),
+        home=np.array(entry.home),
+        position_limits=np.array([lower, upper]),
+        velocity_limits=np.array(entry.velocity_limits),
+        acceleration_limits=np.array(entry.acceleration_limits),
+        gripper=_gripper(document, entry.gripper) if entry.gripper else None,
+        ignored_collisions=tuple((first, second) for first, second in entry.ignored_collisions),
+        simulation=entry.simulation,
+    )
+
+
+def _gripper(document: Document, entry: GripperEntry) -> Gripper:
+    if not entry.min_opening < entry.max_opening <= entry.open_opening:
+        raise document.error(
+            ("gripper", "max_opening"), f"must be above min_opening, {entry.min_opening}, and at most open_opening"
+        )
+    values = entry.model_dump(exclude={"joints", "finger_links"})
+    return Gripper(joint_names=tuple(entry.joints), finger_links=tuple(entry.finger_links), **values)
+
+
+def _check_names(document: Document, entry: RobotFile, urdf: Path) -> None:
+    """Every joint and link that the robot file names is in its URDF."""
+    joints, links = _urdf_names(document, urdf)
+    named: list[tuple[Location, str, list[str]]] = [
+        *((("joints", i), name, joints) for i, name in enumerate(entry.joints)),
+        (("end_effector", "link"), entry.end_effector.link, links),
+        *((("ignored_collisions", i, k), n, links) for i, pair in enumerate(entry.ignored_collisions)
+          for k, n in enumerate(pair)),
+    ]  # fmt: skip
+    if entry.gripper:
+        named += [(("gripper", "joints", i), name, joints) for i, name in enumerate(entry.gripper.joints)]
+        named += [(("gripper", "finger_links", i), name, links) for i, name in enumerate(entry.gripper.finger_links)]
+    for location, name, known in named:
+        if name not in known:
+            raise document.error(location, f"is not in {urdf.name}.{nearest(name, known)} It has: {', '.join(known)}")
+    for i, name in enumerate(entry.joints):
+        if name in entry.joints[:i]:
+            raise document.error(("joints", i), "is named twice")
+
+
+def _urdf_names(document: Document, urdf: Path) -> tuple[list[str], list[str]]:
+    """Names of the movable joints and of the links of a URDF."""
+    try:
+        root = ElementTree.parse(urdf).getroot()
+    except (ElementTree.ParseError, ValueError) as error:
+        raise document.error(("urdf",), f"is not a URDF: {error}") from error
+    joints = [joint.get("name", "") for joint in root.findall("joint") if joint.get("type") != "fixed"]
+    return joints, [link.get("name", "") for link in root.findall("link")]

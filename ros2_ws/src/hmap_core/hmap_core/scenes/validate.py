@@ -1,0 +1,67 @@
+"""From a document to a model of the schema: the validation library's complaints as errors with file and line."""
+
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from hmap_core.exceptions import Code, InputError
+from hmap_core.scenes.document import Document, Location
+from hmap_core.scenes.fields import Strict, nearest
+
+Model = TypeVar("Model", bound=Strict)
+_POSE_KEYS = {"xyz", "rpy_deg", "quaternion"}
+
+
+def validate(model: type[Model], document: Document, parameters: Mapping[str, float]) -> Model:
+    """The document as ``model``, its expressions evaluated with ``parameters``.
+
+    Raises:
+        InputError: INVALID_SCENE, or INVALID_POSE where a pose is not one.
+    """
+    try:
+        return model.model_validate(document.data, context={"parameters": parameters})
+    except ValidationError as error:
+        raise _input_error(document, error) from error
+
+
+def _input_error(document: Document, error: ValidationError) -> InputError:
+    details = error.errors(include_url=False)
+    first = details[0]
+    error_out = document.error(_location(document, first), _problem(first), _code(first))
+    if len(details) > 1:
+        more = ", ".join(str(document.line(_location(document, detail))) for detail in details[1:4])
+        return InputError(f"{error_out.reason} (further errors in line {more})", error_out.code)
+    return error_out
+
+
+def _location(document: Document, detail: Mapping[str, Any]) -> Location:
+    location = tuple(step for step in detail["loc"] if step != "[key]")
+    key = detail.get("ctx", {}).get("key")
+    return (*location, key) if key is not None else location
+
+
+def _problem(detail: Mapping[str, Any]) -> str:
+    kind, context, value = detail["type"], detail.get("ctx", {}), detail.get("input")
+    match kind:
+        case "missing":
+            return "is missing; it must be given"
+        case "enum" | "literal_error":
+            expected = [word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")]
+            return f"must be one of {', '.join(expected)}.{nearest(str(value), expected)}"
+        case "string_pattern_mismatch":
+            return "a name is letters, digits and _, a letter first"
+    problem = detail["msg"]
+    if problem.startswith("Input should"):
+        problem = "must" + problem.removeprefix("Input should")
+        if isinstance(value, float):
+            problem += f" (it is {value:.6g})"
+    return problem
+
+
+def _code(detail: Mapping[str, Any]) -> Code:
+    if detail["type"] == "invalid_pose":
+        return Code.INVALID_POSE
+    if detail["type"] == "not_finite" and _POSE_KEYS.intersection(map(str, detail["loc"])):
+        return Code.INVALID_POSE
+    return Code.INVALID_SCENE

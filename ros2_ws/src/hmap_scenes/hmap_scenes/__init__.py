@@ -1,0 +1,1 @@
+"""Scenes as data: robots, reusable objects and tasks, read by :mod:`hmap_core.scenes`."""
