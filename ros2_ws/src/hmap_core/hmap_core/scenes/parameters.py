@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from hmap_core.exceptions import InputError
 from hmap_core.scenes.document import Document, Location
 from hmap_core.scenes.expressions import ExpressionError, evaluate, names
 

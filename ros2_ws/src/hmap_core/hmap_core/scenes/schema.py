@@ -39,7 +39,7 @@ SIZES = {
 
 def _version(value: Any) -> Any:
     if value != SCHEMA_VERSION or isinstance(value, bool):
-        raise PydanticCustomError("version", "must be {version}, the version of the schema", {"version": SCHEMA_VERSION})
+        raise PydanticCustomError("version", "must be {version}, the schema's version", {"version": SCHEMA_VERSION})
     return value
 
 

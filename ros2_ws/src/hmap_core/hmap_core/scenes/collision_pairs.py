@@ -1,0 +1,104 @@
+"""Which pairs of a robot's links need no collision check: ``python -m hmap_core.scenes.collision_pairs panda``.
+
+Over random configurations within the joint limits (and random gripper openings), a pair is ignored when its links are
+adjacent, when they overlap in every configuration, or when they never come nearer than ``FAR``. Links without shape are
+left out; links joined through one without shape are adjacent. The two fingers of a gripper may meet and are ignored.
+"""
+
+import argparse
+import itertools
+
+import numpy as np
+import pybullet
+
+from hmap_core.scenes.robots import load_robot_model
+from hmap_core.types import RobotModel
+
+FAR = 0.02  # m; nearer than this in no sample: never in collision
+SAMPLES = 10_000
+
+
+def ignored_pairs(model: RobotModel, samples: int, rng: np.random.Generator) -> dict[tuple[str, str], str]:
+    """Pairs of link names to ignore, and why: ``adjacent``, ``always`` or ``never``."""
+    client = pybullet.connect(pybullet.DIRECT)
+    try:
+        return _Sampler(client, model).run(samples, rng)
+    finally:
+        pybullet.disconnect(client)
+
+
+class _Sampler:
+    def __init__(self, client: int, model: RobotModel):
+        self._client = client
+        self._model = model
+        self._body = pybullet.loadURDF(str(model.urdf), useFixedBase=True, physicsClientId=client)
+        self._joints: dict[str, int] = {}
+        self._links = {pybullet.getBodyInfo(self._body, client)[0].decode(): -1}
+        self._parent: dict[int, int] = {}
+        for j in range(pybullet.getNumJoints(self._body, client)):
+            info = pybullet.getJointInfo(self._body, j, client)
+            self._joints[info[1].decode()] = j
+            self._links[info[12].decode()] = j
+            self._parent[j] = info[16]
+
+    def run(self, samples: int, rng: np.random.Generator) -> dict[tuple[str, str], str]:
+        solid = [n for n, j in self._links.items() if pybullet.getCollisionShapeData(self._body, j, self._client)]
+        pairs = {pair: self._known(*pair) for pair in itertools.combinations(solid, 2)}
+        unknown = [pair for pair, reason in pairs.items() if reason is None]
+        distances = np.empty((samples, len(unknown)))
+        for row in distances:
+            self._pose(rng)
+            row[:] = [self._distance(*pair) for pair in unknown]
+        for pair, column in zip(unknown, distances.T, strict=True):
+            pairs[pair] = "always" if column.max() < 0.0 else "never" if column.min() >= FAR else None
+        return {pair: reason for pair, reason in pairs.items() if reason is not None}
+
+    def _known(self, a: str, b: str) -> str | None:
+        fingers = self._model.gripper.finger_links if self._model.gripper else ()
+        adjacent = self._links[a] in self._ancestors(b) or self._links[b] in self._ancestors(a)
+        return "adjacent" if adjacent or (a in fingers and b in fingers) else None
+
+    def _ancestors(self, link: str) -> list[int]:
+        """The nearest ancestor that has a shape, and those without shape before it."""
+        ancestors, index = [], self._links[link]
+        while index != -1:
+            index = self._parent[index]
+            ancestors.append(index)
+            if pybullet.getCollisionShapeData(self._body, index, self._client):
+                break
+        return ancestors
+
+    def _pose(self, rng: np.random.Generator) -> None:
+        values = dict(zip(self._model.joint_names, rng.uniform(*self._model.position_limits), strict=True))
+        if self._model.gripper:
+            gripper = self._model.gripper
+            opening = rng.uniform(gripper.min_opening, gripper.open_opening)
+            values |= dict.fromkeys(gripper.joint_names, opening * gripper.per_joint)
+        for name, value in values.items():
+            pybullet.resetJointState(self._body, self._joints[name], value, physicsClientId=self._client)
+
+    def _distance(self, a: str, b: str) -> float:
+        """Distance in metres, FAR where it is larger; negative in overlap."""
+        points = pybullet.getClosestPoints(
+            self._body, self._body, FAR, self._links[a], self._links[b], physicsClientId=self._client
+        )
+        return min((point[8] for point in points), default=FAR)
+
+
+def main() -> None:
+    """Prints the pairs as YAML for a robot file."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("robot", help="name of a robot model, or path of a robot file")
+    parser.add_argument("--samples", type=int, default=SAMPLES)
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    pairs = ignored_pairs(
+        load_robot_model(arguments.robot), arguments.samples, np.random.default_rng(arguments.seed)
+    )
+    print("ignored_collisions:")
+    for (a, b), reason in pairs.items():
+        print(f"  - [{a}, {b}]  # {reason}")
+
+
+if __name__ == "__main__":
+    main()
