@@ -2,6 +2,16 @@
 
 from hmap_core.scenes.bodies import list_objects
 from hmap_core.scenes.loader import list_tasks, load_scene
+from hmap_core.scenes.portable import scene_from_text, scene_to_dict, scene_to_text
 from hmap_core.scenes.robots import list_robots, load_robot_model
 
-__all__ = ["list_objects", "list_robots", "list_tasks", "load_robot_model", "load_scene"]
+__all__ = [
+    "list_objects",
+    "list_robots",
+    "list_tasks",
+    "load_robot_model",
+    "load_scene",
+    "scene_from_text",
+    "scene_to_dict",
+    "scene_to_text",
+]

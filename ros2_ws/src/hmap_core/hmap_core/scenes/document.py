@@ -76,7 +76,7 @@ def read(path: Path) -> Document:
     except Exception as error:  # the parser lets errors of its own making through, such as ValueError of a long number
         raise InputError(f"{path}:1: not valid YAML: {error}", Code.INVALID_SCENE) from error
     if node is None:
-        raise InputError(f"{path}:1: the file is empty; it must be a mapping with the key schema: 1", Code.INVALID_SCENE)
+        raise InputError(f"{path}:1: the file is empty; it must start with schema: 1", Code.INVALID_SCENE)
     if not isinstance(node, CommentedMap):
         raise InputError(f"{path}:1: the top level must be a mapping of keys to values", Code.INVALID_SCENE)
     document = Document(path, {})

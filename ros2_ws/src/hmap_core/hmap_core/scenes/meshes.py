@@ -1,5 +1,7 @@
 """Mesh files as convex shapes."""
 
+import hashlib
+import os
 from functools import lru_cache
 from pathlib import Path
 
@@ -7,8 +9,10 @@ import numpy as np
 import trimesh
 
 from hmap_core.exceptions import Code, InputError
+from hmap_core.scenes import resources
 
 MIN_HULL_FILL = 0.95  # a mesh that fills less of its convex hull than this is concave
+SAME_HULL = 1e-6  # in units of the file; hulls whose vertices differ by less are the same
 
 
 def check_convex(path: Path, accept_hull: bool) -> None:
@@ -25,6 +29,42 @@ def check_convex(path: Path, accept_hull: bool) -> None:
 def hull_vertices(path: Path) -> np.ndarray:
     """Vertices (V, 3) of the convex hull of a mesh file, unscaled."""
     return _hull(path)[0].copy()
+
+
+def local(uri: str, vertices: np.ndarray | None) -> Path:
+    """A file on this machine with the mesh that ``uri`` named on another, of whose hull ``vertices`` (V, 3) are known.
+
+    Raises:
+        InputError: when there is none and ``vertices`` is None.
+    """
+    try:
+        path = resources.resolve(uri, Path())
+        if vertices is None or _same(hull_vertices(path), vertices):
+            return path
+    except InputError:
+        if vertices is None:
+            raise
+    return _cached(vertices)
+
+
+def _same(first: np.ndarray, second: np.ndarray) -> bool:
+    return first.shape == second.shape and bool(np.allclose(first, second, rtol=0.0, atol=SAME_HULL))
+
+
+def _cached(vertices: np.ndarray) -> Path:
+    """The hull of ``vertices`` as a file in the user's cache, named by its content."""
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hmap" / "meshes"
+    path = cache / f"{hashlib.sha256(np.round(vertices, 9).tobytes()).hexdigest()[:16]}.obj"
+    if not path.is_file():
+        try:
+            hull = trimesh.PointCloud(vertices).convex_hull
+        except Exception as error:  # of the hull library, when the points are flat or too few
+            raise InputError(f"the vertices of a mesh span no volume: {error}", Code.INVALID_SCENE) from error
+        cache.mkdir(parents=True, exist_ok=True)
+        draft = path.with_suffix(f".{os.getpid()}.obj")
+        hull.export(draft)
+        draft.replace(path)  # at once: another process may want the same file
+    return path
 
 
 @lru_cache(maxsize=64)

@@ -1,0 +1,220 @@
+"""Plans as files: JSON that others can check without this code. ``docs/plan_file.md`` describes every field."""
+
+import json
+import math
+import os
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from hmap_core.exceptions import Code, InputError
+from hmap_core.scenes.arrays import DECIMALS, PoseVector, Vector, array_of, listed, poses_of
+from hmap_core.scenes.portable import Data, SceneData, parse, read_json, scene_of, scene_to_dict
+from hmap_core.types import BodyKind, Plan, Segment, SegmentKind, Trajectory
+
+FORMAT = "hmap-plan"
+VERSION = 1
+
+
+class TrajectoryData(Data):
+    """Samples of everything that moves."""
+
+    time: Vector
+    joints: dict[str, array_of(None, None)]
+    gripper: dict[str, Vector]
+    objects: dict[str, poses_of(None)]
+
+    @model_validator(mode="after")
+    def _aligned(self) -> "TrajectoryData":
+        if len(self.time) < 1 or self.time[0] != 0.0 or np.any(np.diff(self.time) <= 0.0):
+            raise PydanticCustomError("time", "time must start at 0 and increase")
+        for key in ("joints", "gripper", "objects"):
+            for name, samples in getattr(self, key).items():
+                if len(samples) != len(self.time):
+                    raise PydanticCustomError(
+                        "length",
+                        "{key}.{name} has {n} samples; time has {N}",
+                        {"key": key, "name": name, "n": len(samples), "N": len(self.time)},
+                    )
+        return self
+
+
+class SegmentData(Data):
+    """A stretch of the plan in one contact mode."""
+
+    start: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+    end: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+    robot: str
+    manipulator: str
+    object: str | None = None
+    kind: SegmentKind
+    contact_pose: PoseVector | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> "SegmentData":
+        if self.end < self.start:
+            raise PydanticCustomError("segment", "end must not be before start")
+        if self.kind is not SegmentKind.TRANSIT and (self.object is None or self.contact_pose is None):
+            problem = "a {kind} segment needs object and contact_pose"
+            raise PydanticCustomError("segment", problem, {"kind": self.kind.value})
+        return self
+
+
+class PlanDocument(SceneData):
+    """A plan file."""
+
+    format: Literal["hmap-plan"]
+    version: Literal[1]
+    trajectory: TrajectoryData
+    segments: list[SegmentData]
+    waypoints: poses_of(None)
+    stats: dict[str, Any] = {}
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "PlanDocument":
+        robots = {name: len(robot.joint_names) for name, robot in self.robots.items()}
+        bodies = [body.name for body in self.scene.bodies]
+        movable = [body.name for body in self.scene.bodies if body.kind is not BodyKind.FIXED]
+        for key in ("joints", "gripper"):
+            _same_names(f"trajectory.{key}", getattr(self.trajectory, key), robots)
+        _same_names("trajectory.objects", self.trajectory.objects, movable)
+        for name, samples in self.trajectory.joints.items():
+            if samples.shape[1] != robots[name]:
+                context = {"name": name, "n": samples.shape[1], "expected": robots[name]}
+                raise PydanticCustomError("length", "trajectory.joints.{name} has {n} joints, not {expected}", context)
+        for i, segment in enumerate(self.segments):
+            _known(f"segments[{i}].robot", segment.robot, robots)
+            if segment.object is not None:
+                _known(f"segments[{i}].object", segment.object, bodies)
+        return self
+
+
+def _same_names(key: str, given: Any, expected: Any) -> None:
+    if set(given) != set(expected):
+        context = {"key": key, "given": ", ".join(given) or "none", "expected": ", ".join(expected) or "none"}
+        raise PydanticCustomError("name", "{key} must have the keys {expected}; it has {given}", context)
+
+
+def _known(key: str, name: str, known: Any) -> None:
+    if name not in known:
+        context = {"key": key, "name": repr(name), "known": ", ".join(known)}
+        raise PydanticCustomError("name", "{key} = {name} is not in the scene; there are: {known}", context)
+
+
+def to_dict(plan: Plan) -> dict[str, Any]:
+    """The plan as a JSON value. Lengths, angles and times are rounded to 1e-9.
+
+    Raises:
+        InputError: INVALID_PLAN_FILE when the plan holds NaN or infinity.
+    """
+    trajectory = plan.trajectory
+    document = {"format": FORMAT, "version": VERSION} | scene_to_dict(plan.scene)
+    document |= {
+        "stats": _jsonable(plan.stats),
+        "waypoints": listed(plan.waypoints),
+        "segments": [_segment_dict(segment) for segment in plan.segments],
+        "trajectory": {
+            "time": listed(trajectory.time),
+            "joints": {name: listed(samples) for name, samples in trajectory.joints.items()},
+            "gripper": {name: listed(samples) for name, samples in trajectory.gripper.items()},
+            "objects": {name: listed(samples) for name, samples in trajectory.objects.items()},
+        },
+    }
+    _check_finite(document, "plan")
+    return document
+
+
+def from_dict(document: Any, source: str = "plan") -> Plan:
+    """The plan that a JSON value describes; equal, within rounding, to the one it was made from.
+
+    Args:
+        document: as :func:`to_dict` makes it.
+        source: what errors call it, such as the name of its file.
+
+    Raises:
+        InputError: INVALID_PLAN_FILE; names the key, its value and what is allowed.
+    """
+    data = parse(PlanDocument, document, source, Code.INVALID_PLAN_FILE)
+    return Plan(
+        scene=scene_of(data, source, Code.INVALID_PLAN_FILE),
+        trajectory=Trajectory(
+            time=data.trajectory.time,
+            joints=data.trajectory.joints,
+            gripper=data.trajectory.gripper,
+            objects=data.trajectory.objects,
+        ),
+        segments=tuple(Segment(**dict(segment)) for segment in data.segments),
+        waypoints=data.waypoints,
+        stats=data.stats,
+    )
+
+
+def save(plan: Plan, path: str | Path) -> None:
+    """Writes the plan; the file is complete or not there.
+
+    Raises:
+        InputError: INVALID_PLAN_FILE when it cannot be written or holds NaN.
+    """
+    path = Path(path)
+    members = [f"{json.dumps(key)}: {json.dumps(value)}" for key, value in to_dict(plan).items()]
+    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        draft.write_text("{\n" + ",\n".join(members) + "\n}\n", encoding="utf-8")
+        draft.replace(path)
+    except OSError as error:
+        draft.unlink(missing_ok=True)
+        raise InputError(f"{path}: cannot be written: {error}", Code.INVALID_PLAN_FILE) from error
+
+
+def load(path: str | Path) -> Plan:
+    """Reads a plan file.
+
+    Raises:
+        InputError: INVALID_PLAN_FILE.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read: {error}", Code.INVALID_PLAN_FILE) from error
+    return from_dict(read_json(text, str(path), Code.INVALID_PLAN_FILE), str(path))
+
+
+def _segment_dict(segment: Segment) -> dict[str, Any]:
+    return {
+        "start": round(float(segment.start), DECIMALS),
+        "end": round(float(segment.end), DECIMALS),
+        "robot": segment.robot,
+        "manipulator": segment.manipulator,
+        "object": segment.object,
+        "kind": segment.kind.value,
+        "contact_pose": None if segment.contact_pose is None else listed(segment.contact_pose),
+    }
+
+
+def _jsonable(value: Any) -> Any:
+    """Statistics, which may hold NumPy values, as JSON; what is not finite as null."""
+    if isinstance(value, dict):
+        return {str(key): _jsonable(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_jsonable(entry) for entry in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return _jsonable(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    return str(value)
+
+
+def _check_finite(value: Any, key: str) -> None:
+    if isinstance(value, dict):
+        for name, entry in value.items():
+            _check_finite(entry, f"{key}.{name}")
+    elif isinstance(value, list):
+        for i, entry in enumerate(value):
+            _check_finite(entry, f"{key}[{i}]")
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise InputError(f"{key} = {value}: must be finite", Code.INVALID_PLAN_FILE)

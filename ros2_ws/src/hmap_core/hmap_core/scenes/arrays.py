@@ -1,0 +1,75 @@
+"""Arrays in JSON documents: checked for shape and finiteness, rounded when written."""
+
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import PlainValidator, WithJsonSchema
+from pydantic_core import PydanticCustomError
+
+DECIMALS = 9  # metres, radians and seconds are written to 1e-9, so that differences of 1e-7 survive
+QUATERNION_TOLERANCE = 1e-3  # how far the norm of a quaternion may be from 1
+QUATERNION_EXACT = 1e-8  # nearer than this to 1, as rounding leaves it, it is taken as it is
+
+# the dimensions of an array; None: any number
+Dimensions = tuple[int | None, ...]
+
+
+def listed(array: np.ndarray) -> list:
+    """An array as nested lists of rounded floats."""
+    return np.round(np.asarray(array, float), DECIMALS).tolist()
+
+
+def _read(value: Any, dimensions: Dimensions) -> np.ndarray:
+    expected = " x ".join("n" if n is None else str(n) for n in dimensions)
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        array = None
+    if array is not None and array.size == 0 and dimensions[0] is None:
+        array = array.reshape([n or 0 for n in dimensions])
+    if array is None or array.ndim != len(dimensions):
+        raise PydanticCustomError("array", "must be {expected} numbers", {"expected": expected})
+    if any(n is not None and n != m for n, m in zip(dimensions, array.shape, strict=True)):
+        shape = " x ".join(map(str, array.shape))
+        context = {"expected": expected, "shape": shape}
+        raise PydanticCustomError("array", "must be {expected} numbers; it is {shape}", context)
+    if not np.isfinite(array).all():
+        index = [int(i) for i in np.argwhere(~np.isfinite(array))[0]]
+        raise PydanticCustomError("not_finite", "must be finite numbers; at {index} it is not", {"index": index})
+    return array
+
+
+def _poses(value: Any, dimensions: Dimensions) -> np.ndarray:
+    array = _read(value, dimensions)
+    norm = np.linalg.norm(array[..., 3:], axis=-1, keepdims=True)
+    if array.size and np.abs(norm - 1.0).max() > QUATERNION_TOLERANCE:
+        worst = float(norm.flat[np.abs(norm - 1.0).argmax()])
+        raise PydanticCustomError(
+            "invalid_pose",
+            "holds a quaternion of norm {norm}; it must be 1 within {tolerance}",
+            {"norm": f"{worst:.6g}", "tolerance": QUATERNION_TOLERANCE},
+        )
+    array[..., 3:] /= np.where(np.abs(norm - 1.0) > QUATERNION_EXACT, norm, 1.0)
+    return array
+
+
+def _schema(dimensions: Dimensions) -> dict:
+    schema: dict = {"type": "number"}
+    for n in reversed(dimensions):
+        schema = {"type": "array", "items": schema} | ({} if n is None else {"minItems": n, "maxItems": n})
+    return schema
+
+
+def array_of(*dimensions: int | None) -> Any:
+    """Type of a field that holds finite numbers of these dimensions."""
+    return Annotated[np.ndarray, PlainValidator(lambda v: _read(v, dimensions)), WithJsonSchema(_schema(dimensions))]
+
+
+def poses_of(*dimensions: int | None) -> Any:
+    """Type of a field that holds poses, xyz and a unit quaternion xyzw, in an array of dimensions (..., 7)."""
+    full = (*dimensions, 7)
+    return Annotated[np.ndarray, PlainValidator(lambda v: _poses(v, full)), WithJsonSchema(_schema(full))]
+
+
+Vector = array_of(None)
+PoseVector = poses_of()
