@@ -1,0 +1,15 @@
+"""Algorithm 2: the path of the object alone, cut into waypoints."""
+
+from hmap_core.waypoints.plan import DEFAULT_TIME_LIMIT, plan_waypoints
+from hmap_core.waypoints.problem import DEFAULT_MARGIN, NoObjectPath, ObjectPath, ObjectPathProblem
+from hmap_core.waypoints.shorten import smooth
+
+__all__ = [
+    "DEFAULT_MARGIN",
+    "DEFAULT_TIME_LIMIT",
+    "NoObjectPath",
+    "ObjectPath",
+    "ObjectPathProblem",
+    "plan_waypoints",
+    "smooth",
+]

@@ -1,0 +1,187 @@
+"""Whether a body may stand at a pose and move between two: collision and support together."""
+
+import numpy as np
+
+from hmap_core.collision.convex import ConvexSet, convex_set, hull_vertices
+from hmap_core.exceptions import Code, InputError
+from hmap_core.transforms import apply, inverse, multiply
+from hmap_core.types import Body
+from hmap_core.waypoints import kernels
+from hmap_core.waypoints.problem import ObjectPathProblem
+from hmap_core.waypoints.support import Support
+
+# what the judge of plans allows, m: deeper at the start or the goal is refused
+PENETRATION_ALLOWED = 1e-3
+# a shape whose top is no more than this above the body's lowest point carries it and is not in its way, m
+SUPPORT_TOLERANCE = 1e-3
+# rounding in a distance, m: a pair that touches at the start may come nearer by this
+CONTACT_SLACK = 1e-5
+# distances beyond this do not matter, m
+CLEARANCE_CAP = 0.25
+
+
+class ObstacleShapes:
+    """Convex shapes that stand still, in the world frame, and whose they are.
+
+    Attributes:
+        hulls: per shape its vertices (n, 3) and the radius of the sphere that sweeps them.
+        owner: per shape the name of its body.
+        lower, upper: (SB, 3) axis-aligned bounds.
+    """
+
+    def __init__(self, hulls: list[tuple[np.ndarray, float]], owner: list[str]):
+        self.hulls, self.owner = hulls, owner
+        self.vertices = np.ascontiguousarray(np.concatenate([h for h, _ in hulls])) if hulls else np.zeros((0, 3))
+        self.start = np.concatenate([[0], np.cumsum([len(h) for h, _ in hulls])]).astype(np.int64)
+        self.radius = np.array([r for _, r in hulls])
+        self.lower = np.array([h.min(0) - r for h, r in hulls]).reshape(-1, 3)
+        self.upper = np.array([h.max(0) + r for h, r in hulls]).reshape(-1, 3)
+        self.arrays = (self.vertices, self.start, self.radius, self.lower, self.upper)
+
+    @classmethod
+    def of(cls, bodies: tuple[Body, ...]) -> "ObstacleShapes":
+        """The shapes of bodies at their poses."""
+        hulls, owner = [], []
+        for body in bodies:
+            for shape in body.shapes:
+                vertices, radius = hull_vertices(shape)
+                hulls.append((apply(body.pose, vertices), radius))
+                owner.append(body.name)
+        return cls(hulls, owner)
+
+    def kept(self, keep: np.ndarray) -> "ObstacleShapes":
+        """Only the shapes where ``keep`` (SB,) is true."""
+        chosen = np.flatnonzero(keep)
+        return ObstacleShapes([self.hulls[k] for k in chosen], [self.owner[k] for k in chosen])
+
+
+class Geometry:
+    """The shapes of a problem: the body's in its own frame, the obstacles' in the world frame."""
+
+    def __init__(self, problem: ObjectPathProblem):
+        self.body: ConvexSet = convex_set(problem.body.shapes)
+        self.body_arrays = (
+            self.body.vertices, self.body.start, self.body.radius, self.body.center, self.body.bound,
+        )  # fmt: skip
+        self.obstacles = ObstacleShapes.of(problem.obstacles)
+
+
+class ObjectChecker:
+    """Exact checks of one body among obstacles that stand still.
+
+    Required distance: the margin, or less for a shape that the body is nearer to at its start or goal already (a book
+    between books, an object on its table). In planar motion the shapes that lie below the body carry it and are
+    not obstacles; its centre of mass then has to stay over them.
+    """
+
+    def __init__(self, problem: ObjectPathProblem, geometry: Geometry, planar: bool):
+        self.planar = planar
+        self.body = geometry.body
+        reach = [np.linalg.norm(self.body.hull(k), axis=1).max() + self.body.radius[k] for k in range(len(self.body))]
+        self.radius = float(max(reach))  # m, of the body about the origin of its frame
+        self._a = geometry.body_arrays
+        everything = geometry.obstacles
+        self.support = None
+        shapes = everything
+        if planar:
+            lowest = float(min(h.min(0)[2] - r for h, r in self._hulls(problem.start)))
+            below = everything.upper[:, 2] <= lowest + SUPPORT_TOLERANCE
+            carrying = below & (everything.upper[:, 2] >= lowest - SUPPORT_TOLERANCE)
+            support = Support(self.body, everything, carrying, problem.start)
+            if support.holds(problem.start) and support.holds(problem.goal):
+                self.support = support
+            shapes = everything.kept(~below)
+        self.obstacles = shapes
+        self._b = shapes.arrays
+        ends = np.minimum(self.distances(problem.start), self.distances(problem.goal))
+        self.contact = ends < problem.margin  # (SB,) touched, or nearly, at an end
+        self.required = np.maximum(np.minimum(problem.margin, ends - CONTACT_SLACK), -PENETRATION_ALLOWED)
+        self._no_extra = np.zeros(len(ends))
+        self.blocked = np.zeros(len(ends), np.int64)  # how often each shape stopped a motion
+        self.checks = 0
+
+    def _hulls(self, T: np.ndarray):
+        return [(apply(T, self.body.hull(k)), self.body.radius[k]) for k in range(len(self.body))]
+
+    @property
+    def owners(self) -> list[str]:
+        """Name of the body of each obstacle shape, (SB,)."""
+        return self.obstacles.owner
+
+    def distances(self, T: np.ndarray, cap: float = CLEARANCE_CAP) -> np.ndarray:
+        """Signed distances (SB,) in metres at pose T (7,) to the obstacle shapes, at most ``cap``."""
+        out = np.empty(len(self.obstacles.radius))
+        kernels.distances(np.asarray(T, float), *self._a, *self._b, cap, out)
+        return out
+
+    def clearances(self, poses: np.ndarray) -> np.ndarray:
+        """Distances (M,) in metres at poses (M, 7) to what is not touched at an end, at most CLEARANCE_CAP."""
+        return kernels.clearances(poses, *self._a, *self._b, ~self.contact, CLEARANCE_CAP)
+
+    def pose_free(self, T: np.ndarray) -> bool:
+        """Whether the body may stand at pose T (7,)."""
+        if kernels.blocking(T, *self._a, *self._b, self.required, self._no_extra) >= 0:
+            return False
+        return self.support is None or self.support.holds(T)
+
+    def motion_free(self, T0: np.ndarray, T1: np.ndarray, extra: float = 0.0) -> bool:
+        """Whether the body may move from T0 to T1 (7,) keeping ``extra`` metres more than the margin to non-contacts."""
+        self.checks += 1
+        hit = np.array([-1, 0])
+        more = np.where(self.contact, 0.0, extra) if extra else self._no_extra
+        if kernels.free_until(T0, T1, *self._a, *self._b, self.required, more, hit) < 1.0:
+            self.blocked[hit[0]] += 1
+            return False
+        return self.support is None or self.support.holds_along(T0, T1)
+
+    def free_part(self, T0: np.ndarray, T1: np.ndarray) -> float:
+        """Parameter in [0, 1] up to which the motion from T0 to T1 touches nothing."""
+        self.checks += 1
+        return float(kernels.free_until(T0, T1, *self._a, *self._b, self.required, self._no_extra, np.array([-1, 1])))
+
+    def hit_by(self, T0: np.ndarray, T1: np.ndarray) -> list[str]:
+        """Names of the bodies that the motion from T0 to T1 runs into, without repetition."""
+        names = []
+        for j, name in enumerate(self.owners):
+            need = np.full(len(self.required), -np.inf)
+            need[j] = self.required[j]
+            free = kernels.free_until(T0, T1, *self._a, *self._b, need, self._no_extra, np.array([-1, 0]))
+            if free < 1.0 and name not in names:
+                names.append(name)
+        return names
+
+
+def check_ends(problem: ObjectPathProblem, geometry: Geometry) -> None:
+    """Raise InputError when the body penetrates something at its start or its goal by more than PENETRATION_ALLOWED."""
+    shapes = geometry.obstacles
+    for name, T, code in (
+        ("start", problem.start, Code.START_IN_COLLISION),
+        ("goal", problem.goal, Code.GOAL_IN_COLLISION),
+    ):
+        out = np.empty(len(shapes.radius))
+        kernels.distances(np.asarray(T, float), *geometry.body_arrays, *shapes.arrays, 0.0, out)
+        deep: dict[str, float] = {}
+        for owner, d in zip(shapes.owner, out, strict=True):
+            if d < -PENETRATION_ALLOWED:
+                deep[owner] = max(deep.get(owner, 0.0), -float(d))
+        if deep:
+            what = ", ".join(f"'{n}' by {1e3 * d:.1f} mm" for n, d in sorted(deep.items(), key=lambda i: -i[1]))
+            raise InputError(
+                f"'{problem.body.name}' penetrates {what} at its {name}; at most {1e3 * PENETRATION_ALLOWED:g} mm is allowed",
+                code,
+            )
+
+
+def flattened(problem: ObjectPathProblem, T: np.ndarray) -> np.ndarray:
+    """The pose nearest to T (7,) that the start reaches by planar motion."""
+    q = multiply(np.r_[np.zeros(3), T[3:]], inverse(np.r_[np.zeros(3), problem.start[3:]]))[3:]
+    yaw = 2.0 * np.arctan2(q[2], q[3])
+    return planar_pose(problem.start, T[0], T[1], yaw)
+
+
+def planar_pose(start: np.ndarray, x: float, y: float, yaw: float) -> np.ndarray:
+    """The pose (7,) at x, y that is turned from ``start`` by ``yaw`` about the vertical, at the height of ``start``."""
+    turn = np.array([0.0, 0.0, 0.0, 0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)])
+    T = multiply(turn, np.r_[np.zeros(3), start[3:]])
+    T[:3] = x, y, start[2]
+    return T

@@ -1,0 +1,165 @@
+"""Algorithm 2 of the paper, ObjectBasedRRT: a path of the object alone, and its waypoints."""
+
+import time
+
+import numpy as np
+
+from hmap_core.transforms import rotation_matrix
+from hmap_core.waypoints.checker import Geometry, ObjectChecker, check_ends, flattened
+from hmap_core.waypoints.problem import NoObjectPath, ObjectPath, ObjectPathProblem
+from hmap_core.waypoints.resample import cut, resample
+from hmap_core.waypoints.roadmap import direct_path, exits
+from hmap_core.waypoints.rrt import rrt_path
+from hmap_core.waypoints.shorten import smooth
+
+# start and goal within this are at the same height and tilt
+SAME_HEIGHT = 1e-3  # m
+SAME_TILT = float(np.deg2rad(1.0))
+# how far beyond start and goal the search looks for room, m
+SEARCH_REACH = 1.0
+# share of the time limit for planar motion when spatial motion may be tried after it
+PLANAR_SHARE = 0.4
+# share of the time limit for asking whether removable bodies are what blocks
+REMOVAL_SHARE = 0.25
+DEFAULT_TIME_LIMIT = 5.0  # s
+
+
+def plan_waypoints(
+    problem: ObjectPathProblem, rng: np.random.Generator, time_limit_s: float = DEFAULT_TIME_LIMIT
+) -> ObjectPath:
+    """Plan the object's own path and cut it into waypoints.
+
+    Args:
+        problem: the body, its start and goal, what stands around.
+        rng: the only source of randomness; the same state gives the same path unless the time limit strikes.
+        time_limit_s: wall-clock seconds for the search, the question what blocks included.
+
+    Raises:
+        InputError: START_IN_COLLISION or GOAL_IN_COLLISION, with the bodies and depths.
+        NoObjectPath: nothing found; says what blocks and which removable bodies would have to go.
+    """
+    began = time.monotonic()
+    geometry = Geometry(problem)
+    check_ends(problem, geometry)
+    share = 1.0 - REMOVAL_SHARE if problem.removable else 1.0
+    path, checkers = _search(problem, geometry, rng, began, share * time_limit_s)
+    if path is not None:
+        return path
+    raise _failure(problem, checkers, rng, began + time_limit_s)
+
+
+def _search(problem, geometry, rng, began, time_limit_s) -> tuple[ObjectPath | None, list[ObjectChecker]]:
+    """Try planar and spatial motion as the problem allows."""
+    checkers = []
+    for planar, share in _motions(problem):
+        checker = ObjectChecker(problem, geometry, planar)
+        if planar and problem.motion == "auto" and checker.support is None:
+            continue
+        checkers.append(checker)
+        corners = _corners(problem, checker, rng, began + share * time_limit_s)
+        if corners is not None:
+            return _finished(problem, checker, corners), checkers
+    return None, checkers
+
+
+def _motions(problem: ObjectPathProblem) -> list[tuple[bool, float]]:
+    """Kinds of motion to try (planar?) and the share of the time limit at which each gives up."""
+    if problem.motion == "planar":
+        return [(True, 1.0)]
+    if problem.motion == "spatial" or not _planar_possible(problem):
+        return [(False, 1.0)]
+    return [(True, PLANAR_SHARE), (False, 1.0)]
+
+
+def _planar_possible(problem: ObjectPathProblem) -> bool:
+    """Whether start and goal share height and tilt."""
+    a, b = (rotation_matrix(T)[2] for T in (problem.start, problem.goal))
+    tilt = np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)
+    return bool(abs(problem.start[2] - problem.goal[2]) <= SAME_HEIGHT and tilt <= SAME_TILT)
+
+
+def search_bounds(problem: ObjectPathProblem, checker: ObjectChecker) -> np.ndarray:
+    """Lower and upper position (2, 3) that the search may use: round start, goal and what stands near them."""
+    if problem.bounds is not None:
+        return np.asarray(problem.bounds, float)
+    ends = np.array([problem.start[:3], problem.goal[:3]])
+    near = np.array([ends.min(0) - SEARCH_REACH, ends.max(0) + SEARCH_REACH])
+    points = [ends.min(0) - checker.radius, ends.max(0) + checker.radius]
+    for lower, upper in zip(checker.obstacles.lower, checker.obstacles.upper, strict=True):
+        points += [lower - checker.radius, upper + checker.radius]
+    wanted = np.array([np.min(points, axis=0), np.max(points, axis=0)])
+    return np.array([np.maximum(wanted[0], near[0]), np.minimum(wanted[1], near[1])])
+
+
+def _corners(problem, checker, rng, deadline) -> np.ndarray | None:
+    """A smoothed free path (n, 7): by the small roadmap, else by RRTConnect from the exits of start and goal."""
+    start = np.asarray(problem.start, float)
+    goal = flattened(problem, problem.goal) if checker.planar else np.asarray(problem.goal, float)
+    bounds = search_bounds(problem, checker)
+    reach = float(np.linalg.norm(bounds[1] - bounds[0]))
+    path = direct_path(checker, start, goal, reach)
+    if path is None:
+        inside = [
+            [
+                T,
+                *(
+                    e
+                    for e in exits(checker, T, other, reach)
+                    if np.all(e[:3] >= bounds[0]) and np.all(e[:3] <= bounds[1])
+                ),
+            ]
+            for T, other in ((start, goal), (goal, start))
+        ]
+        path = rrt_path(checker, *inside, bounds, rng, deadline)
+        if path is None:
+            return None
+        # a tree may begin at an exit; the way from the true end to it was found free
+        path = np.concatenate([start[None], path, goal[None]])
+        path = path[np.r_[True, np.linalg.norm(np.diff(path, axis=0), axis=1) > 1e-9]]
+    return smooth(checker, path, rng)
+
+
+def _finished(problem, checker, corners) -> ObjectPath:
+    poses, where = resample(corners)
+    poses[-1, :3] = problem.goal[:3]
+    poses[-1, 3:] = problem.goal[3:] * (1.0 if problem.goal[3:] @ poses[-1, 3:] >= 0.0 else -1.0)
+    clearance = checker.clearances(poses)
+    motion = "planar" if checker.planar else "spatial"
+    return ObjectPath(poses, cut(corners, where, checker.radius), clearance, motion)
+
+
+def _failure(problem, checkers, rng, deadline) -> NoObjectPath:
+    """Name what blocks, and whether a path exists without the removable bodies."""
+    blockers: list[str] = []
+    for checker in checkers:
+        goal = flattened(problem, problem.goal) if checker.planar else problem.goal
+        stopped = np.argsort(-checker.blocked, kind="stable")
+        names = checker.hit_by(problem.start, goal) + [checker.owners[j] for j in stopped if checker.blocked[j]]
+        blockers += [n for n in dict.fromkeys(names) if n not in blockers]
+    free_without = _free_without(problem, blockers, rng, deadline)
+    what = ", ".join(f"'{b}'" for b in blockers) if blockers else "nothing but the edge of its support or of the search"
+    hint = ""
+    if problem.removable:
+        names = " and ".join(f"'{n}'" for n in free_without or ())
+        hint = f"; without {names} there is one" if free_without else "; nor is there one without the removable bodies"
+    kinds = " or ".join("planar" if c.planar else "spatial" for c in checkers)
+    return NoObjectPath(
+        f"no {kinds} path of '{problem.body.name}' to its goal was found; in the way: {what}{hint}",
+        tuple(blockers),
+        free_without,
+    )
+
+
+def _free_without(problem, blockers, rng, deadline) -> tuple[str, ...] | None:
+    """The removable bodies to take away for a path to exist: one if one is enough, else all that are in the way."""
+    names = [b for b in blockers if b in problem.removable]
+    tries = [(n,) for n in names] + ([tuple(names)] if len(names) > 1 else [])
+    rest = tuple(sorted(problem.removable))
+    tries += [rest] if rest and set(rest) != set(names) else []
+    for k, gone in enumerate(tries):
+        now = time.monotonic()
+        limit = max(deadline - now, 0.0) / (len(tries) - k)
+        smaller = problem.without(frozenset(gone))
+        if _search(smaller, Geometry(smaller), rng, now, limit)[0] is not None:
+            return gone
+    return None

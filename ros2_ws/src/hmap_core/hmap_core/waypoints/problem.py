@@ -1,0 +1,93 @@
+"""What Algorithm 2 is asked and what it answers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hmap_core.exceptions import Code, InputError, WaypointError
+from hmap_core.types import Body
+
+# kept free to everything that is not touched at the start or the goal, m
+DEFAULT_MARGIN = 0.002
+MOTIONS = ("auto", "planar", "spatial")
+
+
+@dataclass(frozen=True)
+class ObjectPathProblem:
+    """Move one body from a start to a goal pose past others that stand still.
+
+    ``body.pose`` is not used; obstacles stand at their own ``pose``. ``motion`` is "planar" (SE(2): height, roll and
+    pitch of the start are kept), "spatial" (SE(3)) or "auto": planar where start and goal allow it, else spatial.
+    """
+
+    body: Body
+    start: np.ndarray  # T_world_obj (7,)
+    goal: np.ndarray  # T_world_obj (7,)
+    obstacles: tuple[Body, ...]
+    motion: str = "auto"
+    margin: float = DEFAULT_MARGIN  # m
+    bounds: np.ndarray | None = None  # (2, 3) lower and upper position of the body; None: found from the scene
+    removable: frozenset[str] = frozenset()  # obstacles that could be put out of the way; named when they block
+
+    def __post_init__(self):
+        if self.motion not in MOTIONS:
+            raise InputError(f"motion '{self.motion}' is unknown; allowed: {', '.join(MOTIONS)}")
+        if not self.margin >= 0.0:
+            raise InputError(f"margin is {self.margin}; it must be at least 0 m")
+        for name, T in (("start", self.start), ("goal", self.goal)):
+            self._check_pose(name, T)
+        if any(o.name == self.body.name for o in self.obstacles):
+            raise InputError(f"body '{self.body.name}' is among its own obstacles")
+
+    def _check_pose(self, name: str, T: np.ndarray) -> None:
+        T = np.asarray(T)
+        if T.shape != (7,) or not np.all(np.isfinite(T)) or abs(np.linalg.norm(T[3:]) - 1.0) > QUATERNION_TOLERANCE:
+            raise InputError(
+                f"{name} pose of '{self.body.name}' is {T.tolist()}; needed: x, y, z and a unit quaternion xyzw",
+                Code.INVALID_POSE,
+            )
+
+    def without(self, names: set[str] | frozenset[str]) -> "ObjectPathProblem":
+        """The same problem with some obstacles gone."""
+        kept = tuple(o for o in self.obstacles if o.name not in names)
+        return ObjectPathProblem(
+            self.body, self.start, self.goal, kept, self.motion, self.margin, self.bounds, self.removable - names
+        )
+
+
+QUATERNION_TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True)
+class ObjectPath:
+    """A way for the object: dense poses, and where it changes direction.
+
+    Between two successive poses the body moves as :func:`hmap_core.transforms.interpolate` says; exactly this motion was
+    checked. Quaternions do not change sign along the path.
+    """
+
+    poses: np.ndarray  # (M, 7) T_world_obj, first the start, last the goal
+    cuts: (
+        np.ndarray
+    )  # (I,) increasing indices into poses, one per waypoint; the last is M - 1, the start is not among them
+    clearance: np.ndarray  # (M,) m, to what is not touched at the start or the goal; at most CLEARANCE_CAP
+    motion: str  # "planar" or "spatial"
+
+    @property
+    def waypoints(self) -> np.ndarray:
+        """Poses (I, 7) of the waypoints, the goal last."""
+        return self.poses[self.cuts]
+
+
+class NoObjectPath(WaypointError):
+    """No path of the object itself was found.
+
+    Attributes:
+        blockers: bodies in the way, the one that stops it most often first.
+        free_without: the removable bodies without which a path exists, or None when there is none even so.
+    """
+
+    def __init__(self, reason: str, blockers: tuple[str, ...], free_without: tuple[str, ...] | None):
+        super().__init__(reason)
+        self.blockers = blockers
+        self.free_without = free_without

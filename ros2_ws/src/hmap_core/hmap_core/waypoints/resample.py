@@ -1,0 +1,59 @@
+"""From corners to dense poses and waypoints."""
+
+import numpy as np
+
+from hmap_core.transforms import distance, quaternion_multiply
+from hmap_core.waypoints.kernels import between
+
+# successive poses are at most this far apart
+POSITION_STEP = 0.01  # m
+ROTATION_STEP = float(np.deg2rad(3.0))
+# a waypoint is put where the motion's direction has changed by more than this since the last one
+CUT_ANGLE = float(np.deg2rad(10.0))
+# motions smaller than this have no direction, m
+_STILL = 1e-6
+
+
+def resample(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Dense poses (M, 7) along straight motions between corners (n, 7), and the index (n,) of each corner among them."""
+    poses, where = [corners[0]], [0]
+    for a, b in zip(corners[:-1], corners[1:], strict=True):
+        d, angle = distance(a, b)
+        count = max(int(np.ceil(max(d / POSITION_STEP, angle / ROTATION_STEP))), 1)
+        part = between(a, b, np.linspace(0.0, 1.0, count + 1))[1:]
+        part[-1] = b
+        poses.extend(part)
+        where.append(len(poses) - 1)
+    return consistent(np.array(poses)), np.array(where)
+
+
+def consistent(poses: np.ndarray) -> np.ndarray:
+    """The same poses (M, 7) with quaternions that never turn round between neighbours."""
+    poses = poses.copy()
+    for k in range(1, len(poses)):
+        if poses[k, 3:] @ poses[k - 1, 3:] < 0.0:
+            poses[k, 3:] *= -1.0
+    return poses
+
+
+def direction(a: np.ndarray, b: np.ndarray, radius: float) -> np.ndarray:
+    """Unit vector (6,) of the motion from a to b: displacement, and rotation vector times ``radius``; zero when still."""
+    q = quaternion_multiply(b[3:], a[3:] * [-1.0, -1.0, -1.0, 1.0])
+    q = q if q[3] >= 0.0 else -q
+    sine = np.linalg.norm(q[:3])
+    turn = np.zeros(3) if sine < _STILL else 2.0 * np.arctan2(sine, q[3]) * q[:3] / sine
+    twist = np.r_[b[:3] - a[:3], radius * turn]
+    size = np.linalg.norm(twist)
+    return twist / size if size > _STILL else np.zeros(6)
+
+
+def cut(corners: np.ndarray, where: np.ndarray, radius: float) -> np.ndarray:
+    """Waypoint indices (I,) into the dense poses: corners where the direction changes, and the end."""
+    directions = [direction(a, b, radius) for a, b in zip(corners[:-1], corners[1:], strict=True)]
+    cuts: list[int] = []
+    last = directions[0]
+    for k in range(1, len(directions)):
+        if last @ directions[k] < np.cos(CUT_ANGLE):
+            cuts.append(int(where[k]))
+            last = directions[k]
+    return np.array([*cuts, int(where[-1])])

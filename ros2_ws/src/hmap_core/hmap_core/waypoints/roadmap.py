@@ -1,0 +1,121 @@
+"""Cheap, deterministic candidates before any sampling: a small roadmap of moves along the axes, searched lazily.
+
+The nodes are the start, the goal, and poses reached from either by moving along an axis of the body or of the world:
+out of a slot, up and over, round a corner; each with the orientation of the start and of the goal. Edges are assumed to
+be free and checked only when the shortest path uses them (Bohlin & Kavraki, "Path planning using lazy PRM", ICRA 2000).
+"""
+
+import numpy as np
+from numba import njit
+
+from hmap_core.transforms import rotation_matrix
+from hmap_core.waypoints import kernels
+from hmap_core.waypoints.checker import ObjectChecker
+
+# motions checked before the sampling planner takes over
+MAX_CHECKS = 250
+# heights tried above the higher of start and goal in spatial motion, m
+LIFTS = (0.03, 0.08, 0.15, 0.3, 0.5)
+# fractions of the free way along an axis at which a node is put
+FRACTIONS = (1.0, 0.5)
+# kept from the end of the free way, m
+BACK_OFF = 0.01
+# a further node costs as much as this length of path, m
+NODE_COST = 0.05
+# poses nearer than this are one node, m (turn times radius counts as length)
+SAME_POSE = 1e-4
+
+
+def _directions(T: np.ndarray, planar: bool) -> np.ndarray:
+    """Axes of the world and of the body at T, both senses, (D, 3); only the horizontal ones in planar motion."""
+    axes = np.concatenate([np.eye(3), rotation_matrix(T).T])
+    if planar:
+        axes[:, 2] = 0.0
+        axes = axes[np.linalg.norm(axes, axis=1) > 0.5]
+        axes /= np.linalg.norm(axes, axis=1)[:, None]
+    axes = np.concatenate([axes, -axes])
+    keep = [k for k in range(len(axes)) if not np.any(axes[:k] @ axes[k] > 1.0 - 1e-6)]
+    return axes[keep]
+
+
+def _moved(T: np.ndarray, step: np.ndarray) -> np.ndarray:
+    out = np.array(T, float)
+    out[:3] += step
+    return out
+
+
+def exits(checker: ObjectChecker, T: np.ndarray, other: np.ndarray, reach: float) -> list[np.ndarray]:
+    """Poses reached from T by free motion along one axis, ``reach`` metres at most; some level with ``other``."""
+    found = []
+    for axis in _directions(T, checker.planar):
+        free = reach * checker.free_part(T, _moved(T, reach * axis))
+        free -= BACK_OFF if free < reach else 0.0
+        levels = [f * free for f in FRACTIONS] + [float((other[:3] - T[:3]) @ axis)]
+        found += [_moved(T, d * axis) for d in levels if BACK_OFF < d <= free]
+    return found
+
+
+def _nodes(checker: ObjectChecker, start: np.ndarray, goal: np.ndarray, radius: float, reach: float) -> np.ndarray:
+    poses = [start, goal, *exits(checker, start, goal, reach), *exits(checker, goal, start, reach)]
+    if not checker.planar:
+        top = max(start[2], goal[2])
+        poses += [np.r_[T[:2], top + h, T[3:]] for T in (start, goal) for h in LIFTS]
+    poses += [np.r_[T[:3], q] for T in list(poses) for q in (start[3:], goal[3:])]
+    poses = np.array(poses)
+    near = kernels.all_lengths(poses, radius) <= SAME_POSE
+    new = [k for k in range(len(poses)) if k < 2 or not near[k, :k].any()]
+    return poses[[k for k in new if k < 2 or checker.pose_free(poses[k])]]
+
+
+@njit(cache=True)
+def _shortest(cost, previous):
+    """Dijkstra from node 0 on a dense matrix (N, N); fills ``previous`` (N,)."""
+    n = cost.shape[0]
+    best = np.full(n, np.inf)
+    done = np.zeros(n, np.bool_)
+    previous[:] = -1
+    best[0] = 0.0
+    for _ in range(n):
+        u = -1
+        for k in range(n):
+            if not done[k] and (u < 0 or best[k] < best[u]):
+                u = k
+        if u == 1 or not np.isfinite(best[u]):
+            return
+        done[u] = True
+        for k in range(n):
+            if best[u] + cost[u, k] < best[k]:
+                best[k] = best[u] + cost[u, k]
+                previous[k] = u
+
+
+def direct_path(checker: ObjectChecker, start: np.ndarray, goal: np.ndarray, reach: float) -> np.ndarray | None:
+    """Poses (n, 7) of a free path along the small roadmap, or None; ``reach`` in metres limits the moves along an axis."""
+    if checker.motion_free(start, goal):
+        return np.array([start, goal])
+    nodes = _nodes(checker, start, goal, checker.radius, reach)
+    cost = kernels.all_lengths(nodes, checker.radius) + NODE_COST
+    np.fill_diagonal(cost, np.inf)
+    known = np.zeros(cost.shape, bool)
+    cost[0, 1] = cost[1, 0] = np.inf
+    previous = np.empty(len(nodes), np.int64)
+    limit = checker.checks + MAX_CHECKS
+    while checker.checks < limit:
+        _shortest(cost, previous)
+        if previous[1] < 0:
+            return None
+        order = [1]
+        while order[-1] != 0:
+            order.append(int(previous[order[-1]]))
+        blocked = False
+        for a, b in zip(order[1:], order[:-1], strict=True):
+            if known[a, b]:
+                continue
+            known[a, b] = known[b, a] = True
+            if not checker.motion_free(nodes[a], nodes[b]):
+                cost[a, b] = cost[b, a] = np.inf
+                blocked = True
+                break
+        if not blocked:
+            return nodes[order[::-1]]
+    return None

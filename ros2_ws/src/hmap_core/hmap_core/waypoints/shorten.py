@@ -1,0 +1,95 @@
+"""Shorter and smoother: what is done to a path before it is cut into waypoints."""
+
+import numpy as np
+
+from hmap_core.waypoints.checker import ObjectChecker
+from hmap_core.waypoints.kernels import between, length, lengths
+from hmap_core.waypoints.roadmap import NODE_COST
+
+# random short cuts tried
+SHORTCUTS = 60
+# a short cut has to save this much, m (turn times radius counts as length)
+MIN_SAVING = 1e-3
+# corners are moved away from what they pass by this much at a time, m
+RELAX_STEPS = (0.02, 0.01, 0.005)
+# wanted beyond the margin where there is room, m
+COMFORT = 0.01
+# a corner may cost this much more length for its comfort, m
+COMFORT_PRICE = 0.01
+
+
+def smooth(checker: ObjectChecker, path: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A free path (m, 7) with the same ends as the free ``path`` (n, 7): fewer corners, shorter, off the walls."""
+    path = drop_corners(checker, path)
+    if len(path) > 2:
+        path = drop_corners(checker, shortcut(checker, path, rng))
+        path = relax(checker, path)
+    return path
+
+
+def drop_corners(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
+    """The cheapest sub-sequence of the corners that is free; every corner costs NODE_COST."""
+    radius = checker.radius
+    n = len(path)
+    cost = np.full(n, np.inf)
+    previous = np.zeros(n, int)
+    cost[0] = 0.0
+    for j in range(1, n):
+        for i in range(j):
+            through = cost[i] + length(path[i], path[j], radius) + NODE_COST
+            if through < cost[j] - 1e-12 and (i == j - 1 or checker.motion_free(path[i], path[j])):
+                cost[j], previous[j] = through, i
+    order = [n - 1]
+    while order[-1] > 0:
+        order.append(int(previous[order[-1]]))
+    return path[order[::-1]]
+
+
+def shortcut(checker: ObjectChecker, path: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Random short cuts between points on the path (Geraerts & Overmars, IJRR 2007)."""
+    radius = checker.radius
+    for _ in range(SHORTCUTS):
+        parts = lengths(path, radius)
+        ends = np.concatenate(([0.0], parts.cumsum()))
+        s, t = np.sort(rng.random(2)) * ends[-1]
+        i, j = np.minimum(ends.searchsorted((s, t), side="right") - 1, len(parts) - 1)
+        if i == j:
+            continue
+        a = between(path[i], path[i + 1], np.array([(s - ends[i]) / parts[i]]))[0]
+        b = between(path[j], path[j + 1], np.array([(t - ends[j]) / parts[j]]))[0]
+        if (t - s) - length(a, b, radius) > MIN_SAVING and checker.motion_free(a, b):
+            candidate = np.concatenate([path[: i + 1], [a, b], path[j + 1 :]])
+            # parts of checked motions are free up to rounding; they are checked again rather than trusted
+            if checker.motion_free(path[i], a) and checker.motion_free(b, path[j + 1]):
+                path = candidate
+    return path
+
+
+def _comfortable(checker: ObjectChecker, corners: np.ndarray, wanted: float) -> bool:
+    return all(checker.motion_free(a, b, wanted) for a, b in zip(corners[:-1], corners[1:], strict=True))
+
+
+def relax(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
+    """Move each inner corner a little so that the motions next to it keep COMFORT more than the margin, if they can."""
+    path = path.copy()
+    radius = checker.radius
+    directions = np.concatenate([np.eye(3), -np.eye(3)])
+    if checker.planar:
+        angle = np.arange(8) * np.pi / 4
+        directions = np.c_[np.cos(angle), np.sin(angle), np.zeros(8)]
+    for k in range(1, len(path) - 1):
+        here = path[k - 1 : k + 2]
+        if _comfortable(checker, here, COMFORT):
+            continue
+        best, best_length = None, np.inf
+        for step in RELAX_STEPS:
+            for d in directions:
+                moved = here.copy()
+                moved[1, :3] += step * d
+                total = length(moved[0], moved[1], radius) + length(moved[1], moved[2], radius)
+                if total < best_length and _comfortable(checker, moved, COMFORT):
+                    best, best_length = moved[1], total
+        before = length(here[0], here[1], radius) + length(here[1], here[2], radius)
+        if best is not None and best_length < before + COMFORT_PRICE:
+            path[k] = best
+    return path

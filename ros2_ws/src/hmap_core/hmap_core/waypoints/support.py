@@ -1,0 +1,193 @@
+"""Whether a body that slides on its support stays on it."""
+
+import numpy as np
+from numba import njit
+from scipy.spatial import ConvexHull, QhullError
+
+from hmap_core.collision.convex import ConvexSet
+from hmap_core.transforms import rotation_matrix
+from hmap_core.waypoints.kernels import length, screw
+
+# the support carries where the centre of mass is inside the contact polygon by this much, m
+SUPPORT_MARGIN = 0.005
+# vertices within this of the lowest (highest) one belong to the bottom (top) face, m
+FACE_TOLERANCE = 1e-3
+# a motion is looked at every so far, m of the farthest point
+SUPPORT_STEP = 0.005
+# polygons thinner than this carry nothing, m
+_THIN = 1e-6
+_MAX_CORNERS = 160
+
+
+def _polygon(points: np.ndarray) -> np.ndarray:
+    """Counter-clockwise convex hull (n, 2); empty when the points span no area."""
+    try:
+        return points[ConvexHull(points).vertices]
+    except (QhullError, ValueError):
+        return np.zeros((0, 2))
+
+
+def _face(hull: np.ndarray, radius: float, top: bool, height: float) -> np.ndarray:
+    """The part (n, 2) of a shape's top or bottom face at a height; empty when it is not flat there."""
+    z = hull[:, 2] + radius if top else hull[:, 2] - radius
+    return _polygon(hull[np.abs(z - height) <= FACE_TOLERANCE, :2])
+
+
+def centre_of_mass(body: ConvexSet) -> np.ndarray:
+    """Centroid (3,) in the body frame of shapes of the same density; overlaps count twice."""
+    total, moment = 0.0, np.zeros(3)
+    for k in range(len(body)):
+        hull, r = body.hull(k), body.radius[k]
+        center, volume = (body.center[k], 4.0 / 3.0 * np.pi * body.bound[k] ** 3)
+        if r == 0.0 and len(hull) > 3:
+            center, volume = _centroid(hull)
+        total += volume
+        moment += volume * center
+    return moment / total
+
+
+def _centroid(hull: np.ndarray) -> tuple[np.ndarray, float]:
+    inside = hull.mean(0)
+    a, b, c = (hull[ConvexHull(hull).simplices[:, k]] - inside for k in range(3))
+    volume = np.abs(np.einsum("ij,ij->i", a, np.cross(b, c))) / 6.0
+    return inside + (volume[:, None] * (a + b + c) / 4.0).sum(0) / volume.sum(), float(volume.sum())
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _clip(subject, count, window, out, spare):
+    """Intersection of two convex counter-clockwise polygons (Sutherland & Hodgman 1974) in ``out``; returns its size."""
+    n = count
+    for i in range(n):
+        out[i] = subject[i]
+    for k in range(window.shape[0]):
+        ax, ay = window[k - 1, 0], window[k - 1, 1]
+        ex, ey = window[k, 0] - ax, window[k, 1] - ay
+        m = 0
+        for i in range(n):
+            px, py = out[i - 1, 0] if i else out[n - 1, 0], out[i - 1, 1] if i else out[n - 1, 1]
+            qx, qy = out[i, 0], out[i, 1]
+            dp = ex * (py - ay) - ey * (px - ax)
+            dq = ex * (qy - ay) - ey * (qx - ax)
+            if (dp < 0.0) != (dq < 0.0):
+                t = dp / (dp - dq)
+                spare[m, 0], spare[m, 1] = px + t * (qx - px), py + t * (qy - py)
+                m += 1
+            if dq >= 0.0:
+                spare[m, 0], spare[m, 1] = qx, qy
+                m += 1
+        n = m
+        for i in range(n):
+            out[i] = spare[i]
+    return n
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _surrounded(x, y, points, count, margin):
+    """Whether (x, y) is inside the convex hull of points (count, 2) by ``margin``: no half plane leaves it out."""
+    for i in range(count):
+        for j in range(count):
+            ex, ey = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+            length = np.sqrt(ex * ex + ey * ey)
+            if length < _THIN:
+                continue
+            edge = True
+            for k in range(count):
+                if ex * (points[k, 1] - points[i, 1]) - ey * (points[k, 0] - points[i, 0]) < -_THIN * length:
+                    edge = False
+                    break
+            if edge and ex * (y - points[i, 1]) - ey * (x - points[i, 0]) < margin * length:
+                return False
+    return count >= 3
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _inside(x, y, polygon, margin):
+    """Whether (x, y) lies in a convex counter-clockwise polygon, ``margin`` from its edges."""
+    for k in range(polygon.shape[0]):
+        ex, ey = polygon[k, 0] - polygon[k - 1, 0], polygon[k, 1] - polygon[k - 1, 1]
+        if ex * (y - polygon[k - 1, 1]) - ey * (x - polygon[k - 1, 0]) < margin * np.sqrt(ex * ex + ey * ey):
+            return False
+    return True
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _held(yaw, px, py, com, feet, feet_start, tops, tops_start, margin):
+    """Whether the body, turned by ``yaw`` and put at (px, py), has its mass centre over what carries it."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    # a disc of radius margin in one foot and in one top is in the contact polygon
+    standing = False
+    for f in range(feet_start.shape[0] - 1):
+        standing = standing or _inside(com[0], com[1], feet[feet_start[f] : feet_start[f + 1]], margin)
+    x, y = c * com[0] - s * com[1] + px, s * com[0] + c * com[1] + py
+    if standing:
+        for t in range(tops_start.shape[0] - 1):
+            if _inside(x, y, tops[tops_start[t] : tops_start[t + 1]], margin):
+                return True
+    contact = np.empty((_MAX_CORNERS * 4, 2))
+    foot = np.empty((_MAX_CORNERS, 2))
+    out = np.empty((2 * _MAX_CORNERS, 2))
+    spare = np.empty((2 * _MAX_CORNERS, 2))
+    count = 0
+    for f in range(feet_start.shape[0] - 1):
+        n = feet_start[f + 1] - feet_start[f]
+        for i in range(n):
+            u, v = feet[feet_start[f] + i, 0], feet[feet_start[f] + i, 1]
+            foot[i, 0], foot[i, 1] = c * u - s * v + px, s * u + c * v + py
+        for t in range(tops_start.shape[0] - 1):
+            m = _clip(foot, n, tops[tops_start[t] : tops_start[t + 1]], out, spare)
+            if count + m > contact.shape[0]:
+                break
+            for i in range(m):
+                contact[count] = out[i]
+                count += 1
+    return _surrounded(x, y, contact, count, margin)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _held_along(reference, T0, T1, steps, com, feet, feet_start, tops, tops_start, margin):
+    """The same at ``steps`` + 1 instants of the motion from pose T0 to T1 (7,), both planar from ``reference``."""
+    axis = np.empty(3)
+    yaw0 = screw(reference, T0, axis) * axis[2]
+    turn = screw(T0, T1, axis) * axis[2]
+    for k in range(steps + 1):
+        t = k / max(steps, 1)
+        px, py = T0[0] + t * (T1[0] - T0[0]), T0[1] + t * (T1[1] - T0[1])
+        if not _held(yaw0 + t * turn, px, py, com, feet, feet_start, tops, tops_start, margin):
+            return False
+    return True
+
+
+class Support:
+    """The flat tops that carry a body in planar motion from a reference pose.
+
+    Args:
+        body: in its own frame.
+        shapes: the obstacle shapes, world frame.
+        carrying: (SB,) which of them reach up to the body's lowest point.
+        reference: T_world_obj (7,); poses asked about differ from it by planar motion.
+    """
+
+    def __init__(self, body: ConvexSet, shapes, carrying: np.ndarray, reference: np.ndarray):
+        tops = [_face(h, r, True, h[:, 2].max() + r) for (h, r), c in zip(shapes.hulls, carrying, strict=True) if c]
+        R = rotation_matrix(reference)
+        hulls = [(body.hull(k) @ R.T, body.radius[k]) for k in range(len(body))]
+        lowest = min(h[:, 2].min() - r for h, r in hulls)
+        feet = [_face(h, r, False, lowest) for h, r in hulls]
+        self._reference = np.asarray(reference, float)
+        self._arm = float(max(np.linalg.norm(h[:, :2], axis=1).max() for h, _ in hulls))
+        self._data = ((R @ centre_of_mass(body))[:2].copy(), *_packed(feet), *_packed(tops))
+
+    def holds(self, T: np.ndarray) -> bool:
+        """Whether the body stands stably at pose T (7,): its mass centre SUPPORT_MARGIN inside the contact polygon."""
+        return bool(_held_along(self._reference, T, T, 0, *self._data, SUPPORT_MARGIN))
+
+    def holds_along(self, T0: np.ndarray, T1: np.ndarray) -> bool:
+        """The same at every SUPPORT_STEP of the motion between two poses, the ends included."""
+        steps = int(np.ceil(length(T0, T1, self._arm) / SUPPORT_STEP))
+        return bool(_held_along(self._reference, T0, T1, steps, *self._data, SUPPORT_MARGIN))
+
+
+def _packed(polygons: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    kept = [p for p in polygons if len(p) >= 3]
+    start = np.concatenate([[0], np.cumsum([len(p) for p in kept])]).astype(np.int64)
+    return (np.ascontiguousarray(np.concatenate(kept)) if kept else np.zeros((0, 2))), start
