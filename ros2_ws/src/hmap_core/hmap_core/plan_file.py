@@ -12,10 +12,12 @@ from pydantic_core import PydanticCustomError
 
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes.arrays import DECIMALS, PoseVector, Vector, array_of, listed, poses_of
+from hmap_core.scenes.json_schema import schema_folder, schema_text
 from hmap_core.scenes.portable import Data, SceneData, parse, read_json, scene_of, scene_to_dict
 from hmap_core.types import BodyKind, Plan, Segment, SegmentKind, Trajectory
 
 FORMAT = "hmap-plan"
+SCHEMA_FILE = "plan.schema.json"
 VERSION = 1
 
 
@@ -218,3 +220,12 @@ def _check_finite(value: Any, key: str) -> None:
             _check_finite(entry, f"{key}[{i}]")
     elif isinstance(value, float) and not math.isfinite(value):
         raise InputError(f"{key} = {value}: must be finite", Code.INVALID_PLAN_FILE)
+
+
+def json_schema() -> str:
+    """The JSON Schema of plan files; ``python -m hmap_core.plan_file`` writes the committed one anew."""
+    return schema_text("plan", PlanDocument)
+
+
+if __name__ == "__main__":
+    (schema_folder() / SCHEMA_FILE).write_text(json_schema(), encoding="utf-8")

@@ -51,7 +51,10 @@ def build_body(document: Document, location: Location, name: str, kind: BodyKind
     )
 
 
-def _object(document: Document, location: Location, name: str, entry: BodyEntry, seed: int):
+def _object(
+    document: Document, location: Location, name: str, entry: BodyEntry, seed: int
+) -> tuple[Document, ObjectFile]:
+    """The reusable object that ``entry`` names, with its parameters filled in."""
     path = _object_path(document, location, entry.object or "")
     source = read(path)
     declared = source.data.get("parameters") or {}
@@ -63,7 +66,10 @@ def _object(document: Document, location: Location, name: str, entry: BodyEntry,
                 (*location[:-1], "with", key),
                 f"the object {entry.object!r} has no such parameter.{nearest(key, list(declared))} Known: {known}",
             )
-    return source, validate(ObjectFile, source, draw(source, seed, scope=name, given=given))
+    try:
+        return source, validate(ObjectFile, source, draw(source, seed, scope=name, given=given))
+    except InputError as error:
+        raise document.error(location, f"with the values given here, {error.reason}", error.code) from error
 
 
 def _object_path(document: Document, location: Location, name: str) -> Path:

@@ -92,9 +92,7 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=SAMPLES)
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
-    pairs = ignored_pairs(
-        load_robot_model(arguments.robot), arguments.samples, np.random.default_rng(arguments.seed)
-    )
+    pairs = ignored_pairs(load_robot_model(arguments.robot), arguments.samples, np.random.default_rng(arguments.seed))
     print("ignored_collisions:")
     for (a, b), reason in pairs.items():
         print(f"  - [{a}, {b}]  # {reason}")

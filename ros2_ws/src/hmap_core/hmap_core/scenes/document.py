@@ -71,7 +71,7 @@ def read(path: Path) -> Document:
         node = YAML(typ="rt", pure=True).load(text)
     except MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
-        problem = " ".join(str(error.problem or error.context).split())
+        problem = " ".join(str(error.problem or error.context).split(" with value ")[0].split())
         raise InputError(f"{path}:{line}: not valid YAML: {problem}", Code.INVALID_SCENE) from error
     except Exception as error:  # the parser lets errors of its own making through, such as ValueError of a long number
         raise InputError(f"{path}:1: not valid YAML: {error}", Code.INVALID_SCENE) from error

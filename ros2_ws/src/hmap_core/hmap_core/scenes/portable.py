@@ -50,7 +50,7 @@ class ShapeData(Data):
 
     shape: ShapeKind
     size: list[Extent]
-    pose: PoseVector = IDENTITY
+    pose: PoseVector = Field(default_factory=IDENTITY.copy)
     mesh: str | None = None
     vertices: array_of(None, 3) | None = None
 

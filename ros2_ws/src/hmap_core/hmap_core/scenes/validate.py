@@ -7,9 +7,11 @@ from pydantic import ValidationError
 
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes.document import Document, Location
+from hmap_core.scenes.expressions import evaluate
 from hmap_core.scenes.fields import Strict, nearest
 
 Model = TypeVar("Model", bound=Strict)
+_BOUNDS = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "too_large"}
 _POSE_KEYS = {"xyz", "rpy_deg", "quaternion"}
 
 
@@ -22,20 +24,22 @@ def validate(model: type[Model], document: Document, parameters: Mapping[str, fl
     try:
         return model.model_validate(document.data, context={"parameters": parameters})
     except ValidationError as error:
-        raise _input_error(document, error) from error
+        raise _input_error(document, error, parameters) from error
 
 
-def _input_error(document: Document, error: ValidationError) -> InputError:
+def _input_error(document: Document, error: ValidationError, parameters: Mapping[str, float]) -> InputError:
     details = error.errors(include_url=False)
     first = details[0]
-    error_out = document.error(_location(document, first), _problem(first), _code(first))
+    location = _location(first)
+    problem = _problem(first) + _evaluated(document.value(location), first, parameters)
+    error_out = document.error(location, problem, _code(first))
     if len(details) > 1:
-        more = ", ".join(str(document.line(_location(document, detail))) for detail in details[1:4])
+        more = ", ".join(str(document.line(_location(detail))) for detail in details[1:4])
         return InputError(f"{error_out.reason} (further errors in line {more})", error_out.code)
     return error_out
 
 
-def _location(document: Document, detail: Mapping[str, Any]) -> Location:
+def _location(detail: Mapping[str, Any]) -> Location:
     location = tuple(step for step in detail["loc"] if step != "[key]")
     key = detail.get("ctx", {}).get("key")
     return (*location, key) if key is not None else location
@@ -54,9 +58,14 @@ def _problem(detail: Mapping[str, Any]) -> str:
     problem = detail["msg"]
     if problem.startswith("Input should"):
         problem = "must" + problem.removeprefix("Input should")
-        if isinstance(value, float):
-            problem += f" (it is {value:.6g})"
     return problem
+
+
+def _evaluated(written: Any, detail: Mapping[str, Any], parameters: Mapping[str, float]) -> str:
+    """The value of an expression that is out of bounds; nothing for other errors."""
+    if not isinstance(written, str) or detail["type"] not in _BOUNDS:
+        return ""
+    return f"; it is {evaluate(written, parameters):.6g}"
 
 
 def _code(detail: Mapping[str, Any]) -> Code:

@@ -1,0 +1,63 @@
+"""Splits a concave mesh into convex parts: ``python -m hmap_core.scenes.decompose cup.obj``.
+
+Done once, by hand, and not when a scene is loaded: the parts are files that can be looked at and shared, and loading
+stays fast and repeatable. It prints the ``parts`` for a scene file. Needs the package ``coacd``.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from hmap_core.exceptions import HmapError, InputError
+
+CONCAVITY = 0.05  # share of the mesh's size by which a part may differ from its hull
+SEED = 0
+
+
+def decompose(path: Path, concavity: float = CONCAVITY) -> list[Path]:
+    """Writes the convex parts of a mesh beside it, as ``<name>_part<i>.obj``, and returns their paths.
+
+    Raises:
+        InputError: the mesh cannot be read or written, or ``coacd`` is not installed.
+    """
+    try:
+        import coacd  # optional: only this command needs it
+    except ImportError as error:
+        raise InputError("convex decomposition needs the package coacd: pip install coacd") from error
+    try:
+        mesh = trimesh.load_mesh(path)
+        coacd.set_log_level("error")
+        source = coacd.Mesh(np.asarray(mesh.vertices, float), np.asarray(mesh.faces))
+        hulls = coacd.run_coacd(source, threshold=concavity, seed=SEED)
+    except Exception as error:  # the readers of the many formats raise errors of every kind
+        raise InputError(f"{path}: not a mesh: {error}") from error
+    parts = []
+    for i, (vertices, faces) in enumerate(hulls):
+        part = path.with_name(f"{path.stem}_part{i}.obj")
+        trimesh.Trimesh(vertices, faces).export(part)
+        parts.append(part)
+    return parts
+
+
+def main() -> int:
+    """The command; exit code 0, or 2 on bad input."""
+    parser = argparse.ArgumentParser(description="Splits a concave mesh into convex parts.")
+    parser.add_argument("mesh", type=Path)
+    parser.add_argument("--concavity", type=float, default=CONCAVITY, help=f"0.01 (fine) to 1; default {CONCAVITY}")
+    arguments = parser.parse_args()
+    try:
+        parts = decompose(arguments.mesh, arguments.concavity)
+    except HmapError as error:
+        print(error, file=sys.stderr)
+        return 2
+    print("parts:")
+    for part in parts:
+        print(f"  - {{shape: mesh, mesh: {part.name}}}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
