@@ -1,0 +1,129 @@
+"""A plan cut where its robots may stop: the pieces that are sent to the controllers one by one."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hmap_core.exceptions import Code, InputError
+from hmap_core.simulation.controllers import JointTrajectory
+from hmap_core.types import Plan, Segment, SegmentKind, TaskMode
+
+REST_SHARE = 0.55  # of acceleration limit * sampling period; starting from rest the first difference is half of it
+GRIPPER_CHANGE = 1e-6  # m per sample; a smaller change of the opening counts as none
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Samples ``first`` to ``last`` of a plan, all arms at rest at both.
+
+    Attributes:
+        held: robot -> the body that it grips throughout.
+        label: what happens, for people.
+    """
+
+    first: int
+    last: int
+    held: dict[str, str]
+    label: str
+
+
+def check_executable(plan: Plan) -> None:
+    """Make sure that a plan can be executed under dynamics.
+
+    Raises:
+        InputError: the plan is a kinematic one, or is inconsistent with its scene.
+    """
+    if plan.scene.mode is TaskMode.KINEMATIC:
+        raise InputError(
+            f"the plan of '{plan.scene.task}' is kinematic: its contacts carry the object in any direction, which no "
+            "real contact does, so it can be checked but not executed"
+        )
+    time = plan.trajectory.time
+    if len(time) < 2 or time[0] != 0.0 or not (np.diff(time) > 0.0).all():
+        raise _plan_error("its times have to increase from 0, with two samples or more")
+    for name, robot in plan.scene.robots.items():
+        _check_table(f"joints of '{name}'", plan.trajectory.joints.get(name), (len(time), len(robot.q)))
+        if robot.model.gripper:
+            _check_table(f"gripper of '{name}'", plan.trajectory.gripper.get(name), (len(time),))
+    for name, poses in plan.trajectory.objects.items():
+        _check_table(f"poses of '{name}'", poses, (len(time), 7))
+        if name not in plan.scene.bodies:
+            raise _plan_error(f"it moves '{name}', which is not in its scene")
+    for index, segment in enumerate(plan.segments):
+        _check_segment(plan, index, segment)
+
+
+def stretches(plan: Plan) -> list[Stretch]:
+    """The pieces between the instants at which something changes (mode, gripper) and all arms rest."""
+    time = plan.trajectory.time
+    cuts = {index_at(time, t) for segment in plan.segments for t in (segment.start, segment.end)}
+    for opening in plan.trajectory.gripper.values():
+        changing = np.abs(np.diff(opening)) > GRIPPER_CHANGE
+        cuts |= {int(k) + 1 for k in np.flatnonzero(changing[1:] != changing[:-1])}
+    ends = {0, len(time) - 1}
+    kept = sorted(k for k in cuts | ends if k in ends or _resting(plan, k))
+    return [_stretch(plan, a, b) for a, b in zip(kept, kept[1:], strict=False)]
+
+
+def joint_trajectory(plan: Plan, robot: str, stretch: Stretch) -> JointTrajectory:
+    """The motion of a robot in a stretch, for its controller; velocities by central differences, zero at the ends."""
+    rows = slice(stretch.first, stretch.last + 1)
+    time, q = plan.trajectory.time[rows], plan.trajectory.joints[robot][rows]
+    qd = np.gradient(q, time, axis=0)
+    qd[0] = qd[-1] = 0.0
+    return JointTrajectory(plan.scene.robots[robot].model.joint_names, time - time[0], q, qd)
+
+
+def index_at(time: np.ndarray, t: float) -> int:
+    """Index of the sample closest to an instant."""
+    return int(np.argmin(np.abs(time - t)))
+
+
+def _stretch(plan: Plan, first: int, last: int) -> Stretch:
+    middle = 0.5 * (plan.trajectory.time[first] + plan.trajectory.time[last])
+    active = [s for s in plan.segments if s.start <= middle <= s.end]
+    held = {s.robot: body for s in active if (body := _held_body(plan, s)) is not None}
+    label = ", ".join(f"{s.robot}: {s.kind} {s.object or ''}".rstrip() for s in active)
+    return Stretch(first, last, held, label)
+
+
+def _held_body(plan: Plan, segment: Segment) -> str | None:
+    if segment.kind is SegmentKind.GRASP:
+        return segment.object
+    return segment.manipulator if segment.manipulator in plan.scene.bodies else None
+
+
+def _resting(plan: Plan, k: int) -> bool:
+    time = plan.trajectory.time
+    for name, robot in plan.scene.robots.items():
+        q = plan.trajectory.joints[name]
+        for i in (k - 1, k):
+            period = time[i + 1] - time[i]
+            if (np.abs(q[i + 1] - q[i]) > REST_SHARE * robot.model.acceleration_limits * period**2).any():
+                return False
+    return True
+
+
+def _check_segment(plan: Plan, index: int, segment: Segment) -> None:
+    scene = plan.scene
+    if segment.kind is SegmentKind.TOUCH:
+        raise InputError(f"segment {index} is a kinematic touch, which carries the object; it cannot be executed")
+    if segment.robot not in scene.robots:
+        raise _plan_error(f"segment {index} is of robot '{segment.robot}', which is not in its scene")
+    if segment.kind is not SegmentKind.TRANSIT and segment.object not in scene.bodies:
+        raise _plan_error(f"segment {index} is a {segment.kind} of '{segment.object}', which is not in its scene")
+    if not 0.0 <= segment.start <= segment.end:
+        raise _plan_error(f"segment {index} goes from {segment.start} s to {segment.end} s")
+    if _held_body(plan, segment) is not None and scene.robots[segment.robot].model.gripper is None:
+        raise _plan_error(f"segment {index} is a grasp by robot '{segment.robot}', which has no gripper")
+
+
+def _check_table(name: str, table: np.ndarray | None, shape: tuple[int, ...]) -> None:
+    if table is None:
+        raise _plan_error(f"its trajectory lacks the {name}")
+    if np.shape(table) != shape or not np.isfinite(table).all():
+        raise _plan_error(f"the {name} in its trajectory have to be {shape} finite numbers, not {np.shape(table)}")
+
+
+def _plan_error(what: str) -> InputError:
+    return InputError(f"the plan cannot be executed: {what}", Code.INVALID_PLAN_FILE)

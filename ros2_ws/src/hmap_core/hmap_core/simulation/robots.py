@@ -1,0 +1,189 @@
+"""A robot in the physics server: its URDF, position-controlled joints, and fingers with realistic contact."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pybullet
+
+from hmap_core import transforms
+from hmap_core.exceptions import InputError
+from hmap_core.simulation.client import BulletClient
+from hmap_core.simulation.settings import RobotSettings
+from hmap_core.types import Robot
+
+
+@dataclass(frozen=True)
+class JointStates:
+    """Measured joints of a robot: the arm's, base to tip, then the fingers'.
+
+    Attributes:
+        names: m joint names, as in the URDF.
+        positions: (m,) rad or m.
+        velocities: (m,) rad/s or m/s.
+        efforts: (m,) N m or N that the motors apply.
+    """
+
+    names: tuple[str, ...]
+    positions: np.ndarray
+    velocities: np.ndarray
+    efforts: np.ndarray
+
+
+class SimulatedRobot:
+    """An arm with position control on every joint and, where it has one, a gripper."""
+
+    def __init__(self, client: BulletClient, robot: Robot):
+        """Load the robot at its base and put it at its configuration, gripper open.
+
+        Raises:
+            InputError: PyBullet cannot load the URDF, or a joint or link that the model names is not in it.
+        """
+        self.robot = robot
+        self.model = robot.model
+        self.settings = RobotSettings.of(self.model.name, self.model.simulation)
+        self._client = client
+        self.id = self._load()
+        self._read_names()
+        self._arm = [self._joint(name) for name in self.model.joint_names]
+        self._ee_link = self._link(self.model.end_effector_link)
+        gripper = self.model.gripper
+        self._fingers = [self._joint(name) for name in gripper.joint_names] if gripper else []
+        self.finger_links = [self._link(name) for name in gripper.finger_links] if gripper else []
+        self._arm_forces = self._forces()
+        self._prepare_fingers()
+        self.place(robot.q, gripper.open_opening if gripper else 0.0)
+
+    def place(self, q: np.ndarray, opening: float) -> None:
+        """Put arm (n,) and fingers (gap in metres) somewhere at once, at rest, and hold them there."""
+        if np.shape(q) != (len(self._arm),) or not np.isfinite(q).all():
+            raise InputError(f"robot '{self.robot.name}': a configuration has {len(self._arm)} finite values, not {q}")
+        for joint, value in zip(self._arm, q, strict=True):
+            self._client.resetJointState(self.id, joint, float(value), 0.0)
+        for joint in self._fingers:
+            self._client.resetJointState(self.id, joint, self._finger_position(opening), 0.0)
+        self.set_joint_targets(q, np.zeros(len(self._arm)))
+        if self._fingers:
+            self.set_gripper(opening, self.settings.finger_force)
+
+    def set_joint_targets(self, q: np.ndarray, qd: np.ndarray) -> None:
+        """Positions (n,) and velocities (n,) that the joint motors go for until told otherwise."""
+        self._client.setJointMotorControlArray(
+            self.id,
+            self._arm,
+            pybullet.POSITION_CONTROL,
+            targetPositions=np.asarray(q, float).tolist(),
+            targetVelocities=np.asarray(qd, float).tolist(),
+            forces=self._arm_forces,
+            positionGains=[self.settings.position_gain] * len(self._arm),
+            velocityGains=[self.settings.velocity_gain] * len(self._arm),
+        )
+
+    def set_gripper(self, opening: float, force: float) -> None:
+        """Gap between the pads (m) that the fingers go for, each pressing with at most ``force`` (N).
+
+        Raises:
+            InputError: the robot has no gripper, or a value is not finite.
+        """
+        if not self._fingers:
+            raise InputError(f"robot '{self.robot.name}' has no gripper to open to {opening} m")
+        if not (np.isfinite(opening) and np.isfinite(force)):
+            raise InputError(f"robot '{self.robot.name}': gripper opening {opening} m, force {force} N: not finite")
+        for joint in self._fingers:
+            self._client.setJointMotorControl2(
+                self.id,
+                joint,
+                pybullet.POSITION_CONTROL,
+                targetPosition=self._finger_position(opening),
+                force=force,
+                maxVelocity=self.settings.finger_speed,
+            )
+
+    def joint_states(self) -> JointStates:
+        """What the joint sensors say."""
+        states = self._client.getJointStates(self.id, [*self._arm, *self._fingers])
+        names = self.model.joint_names + (self.model.gripper.joint_names if self.model.gripper else ())
+        positions, velocities, _, efforts = zip(*states, strict=True)
+        return JointStates(tuple(names), np.array(positions), np.array(velocities), np.array(efforts))
+
+    def arm_state(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions (n,) and velocities (n,) of the arm's joints."""
+        states = self._client.getJointStates(self.id, self._arm)
+        return np.array([s[0] for s in states]), np.array([s[1] for s in states])
+
+    def gripper_state(self) -> tuple[float, float, float]:
+        """Opening (m), its velocity (m/s) and the mean effort of the fingers (N); zeros without a gripper."""
+        if not self._fingers:
+            return 0.0, 0.0, 0.0
+        states = self._client.getJointStates(self.id, self._fingers)
+        per_joint = self.model.gripper.per_joint
+        position, velocity, effort = (np.mean([s[i] for s in states]) for i in (0, 1, 3))
+        return float(position / per_joint), float(velocity / per_joint), float(effort)
+
+    def end_effector_pose(self) -> np.ndarray:
+        """``T_world_ee`` (7,)."""
+        state = self._client.getLinkState(self.id, self._ee_link, computeForwardKinematics=1)
+        return transforms.multiply(np.array([*state[4], *state[5]]), self.model.T_link_ee)
+
+    def link_name(self, index: int) -> str:
+        """Name of a link by PyBullet's index (-1: the base)."""
+        return self._link_names[index]
+
+    def _load(self) -> int:
+        base = self.robot.base_pose
+        try:
+            return self._client.loadURDF(
+                str(self.model.urdf), base[:3].tolist(), base[3:].tolist(), useFixedBase=True
+            )
+        except pybullet.error as error:
+            raise InputError(f"robot '{self.robot.name}': PyBullet cannot load {self.model.urdf}: {error}") from error
+
+    def _read_names(self) -> None:
+        infos = [self._client.getJointInfo(self.id, i) for i in range(self._client.getNumJoints(self.id))]
+        self._joint_indices = {info[1].decode(): info[0] for info in infos if info[2] != pybullet.JOINT_FIXED}
+        self._limits = {info[0]: (info[8], info[9]) for info in infos}
+        self._efforts = {info[0]: info[10] for info in infos}
+        self._link_names = {-1: self._client.getBodyInfo(self.id)[0].decode()}
+        self._link_names |= {info[0]: info[12].decode() for info in infos}
+
+    def _joint(self, name: str) -> int:
+        if name not in self._joint_indices:
+            raise InputError(f"{self.model.urdf} has no joint '{name}'; its joints are {list(self._joint_indices)}")
+        return self._joint_indices[name]
+
+    def _link(self, name: str) -> int:
+        for index, link in self._link_names.items():
+            if link == name:
+                return index
+        raise InputError(f"{self.model.urdf} has no link '{name}'; its links are {list(self._link_names.values())}")
+
+    def _forces(self) -> list[float]:
+        forces = self.settings.joint_forces
+        if forces is None:
+            return [self._efforts[joint] for joint in self._arm]
+        if len(forces) != len(self._arm):
+            raise InputError(f"robot model {self.model.name}: {len(forces)} joint_forces for {len(self._arm)} joints")
+        return list(forces)
+
+    def _prepare_fingers(self) -> None:
+        s = self.settings
+        for link in self.finger_links:
+            self._client.changeDynamics(
+                self.id,
+                link,
+                lateralFriction=s.finger_friction,
+                spinningFriction=s.finger_spinning_friction,
+                rollingFriction=s.finger_rolling_friction,
+                contactStiffness=s.finger_stiffness,
+                contactDamping=s.finger_damping,
+                frictionAnchor=1,
+            )
+        if len(self._fingers) == 2:
+            # without it the object pushes one finger open while the other closes
+            gear = self._client.createConstraint(
+                self.id, self._fingers[0], self.id, self._fingers[1], pybullet.JOINT_GEAR, [1, 0, 0], [0] * 3, [0] * 3
+            )
+            self._client.changeConstraint(gear, gearRatio=-1, erp=s.finger_gear_erp, maxForce=s.finger_gear_force)
+
+    def _finger_position(self, opening: float) -> float:
+        lower, upper = self._limits[self._fingers[0]]
+        return float(np.clip(opening * self.model.gripper.per_joint, lower, upper))
