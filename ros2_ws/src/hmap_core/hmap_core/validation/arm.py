@@ -1,0 +1,127 @@
+"""A robot of the plan: where its links are at many samples, and how far they can move between two of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hmap_core.validation import rigid, urdf
+from hmap_core.validation.document import RobotData
+from hmap_core.validation.files import unusable
+
+Frames = dict[str, tuple[np.ndarray, np.ndarray]]  # link -> rotations (N, 3, 3), positions (N, 3)
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A robot's tree with the plan's joint names matched to it."""
+
+    data: RobotData
+    tree: urdf.Urdf
+
+    def values(self, joints: np.ndarray, openings: np.ndarray) -> dict[str, np.ndarray]:
+        """The value (N,) of every moving joint from arm joints (N, n) and gripper openings (N,) in metres.
+
+        A finger joint is opening times ``per_joint``; a joint that nobody names stays at zero or follows its ``mimic``.
+        """
+        values = {name: joints[:, i] for i, name in enumerate(self.data.joint_names)}
+        if self.data.gripper is not None:
+            values |= {name: openings * self.data.gripper.per_joint for name in self.data.gripper.joint_names}
+        for joint in self.tree.joints:
+            if joint.kind in urdf.MOVING and joint.name not in values:
+                source, multiplier, offset = joint.mimic or ("", 0.0, 0.0)
+                values[joint.name] = multiplier * values.get(source, np.zeros(len(joints))) + offset
+        return values
+
+    def frames(self, values: dict[str, np.ndarray]) -> Frames:
+        """World frames of all links at the joint values (N,)."""
+        N = len(next(iter(values.values()))) if values else 1
+        R0, p0 = rigid.matrices(self.data.base_pose[3:]), self.data.base_pose[:3]
+        frames = {self.tree.root: (np.broadcast_to(R0, (N, 3, 3)), np.broadcast_to(p0, (N, 3)))}
+        for joint in self.tree.joints:
+            R, p = frames[joint.parent]
+            p = p + R @ joint.origin_p
+            R = R @ joint.origin_R
+            if joint.kind in ("revolute", "continuous"):
+                R = R @ rigid.about_axis(joint.axis, values[joint.name])
+            elif joint.kind == "prismatic":
+                p = p + (R @ joint.axis) * values[joint.name][:, None]
+            frames[joint.child] = (R, p)
+        return frames
+
+    def end_effector(self, frames: Frames) -> tuple[np.ndarray, np.ndarray]:
+        """The manipulator frame, rotations (N, 3, 3) and positions (N, 3)."""
+        R, p = frames[self.data.end_effector_link]
+        T = self.data.T_link_ee
+        return R @ rigid.matrices(T[3:]), p + R @ T[:3]
+
+    def fingers(self) -> tuple[str, ...]:
+        """The links that may touch an object: the fingers, or the end-effector link of an arm without gripper.
+
+        A link without shapes stands for the nearest one towards the base that has some.
+        """
+        if self.data.gripper is not None:
+            return self.data.gripper.finger_links
+        link = self.data.end_effector_link
+        shaped = {shape.link for shape in self.tree.shapes}
+        while link not in shaped and self.tree.joint_to(link) is not None:
+            link = self.tree.joint_to(link).parent
+        return (link,)
+
+    def moving(self, link: str) -> list[urdf.Joint]:
+        """The joints between the base and a link that can move."""
+        return [joint for joint in self.tree.chain(link) if joint.kind in urdf.MOVING]
+
+    def adjacent(self, link_a: str, link_b: str) -> bool:
+        """Whether two links are rigidly joined or share a joint, so that their hulls always overlap there."""
+        a, b = self.moving(link_a), self.moving(link_b)
+        if [joint.name for joint in a] == [joint.name for joint in b]:
+            return True
+        return self._carrier(link_a) == link_b or self._carrier(link_b) == link_a
+
+    def _carrier(self, link: str) -> str | None:
+        """The nearest link with shapes towards the base."""
+        shaped = {shape.link for shape in self.tree.shapes}
+        joint = self.tree.joint_to(link)
+        while joint is not None and joint.parent not in shaped:
+            joint = self.tree.joint_to(joint.parent)
+        return None if joint is None else joint.parent
+
+    def motion_bounds(self, link: str, radius: float, values: dict, frames: Frames) -> dict[str, np.ndarray]:
+        """How far each joint can carry any point of a link in each of the N-1 steps: joint -> (N-1,) in metres.
+
+        A revolute joint that turns by ``|dq|`` moves a point by at most ``|dq|`` times the point's distance from the
+        axis. That distance is measured at the step's first sample, plus all that the joints beyond can change it by.
+        ``radius`` bounds the distance of the link's points from its frame.
+        """
+        bounds: dict[str, np.ndarray] = {}
+        beyond = np.zeros(len(next(iter(values.values()))) - 1)
+        for joint in reversed(self.moving(link)):
+            step = np.abs(np.diff(values[joint.name]))
+            if joint.kind != "prismatic":
+                R, p = frames[joint.child]
+                arm = frames[link][1][:-1] - p[:-1]
+                off_axis = np.linalg.norm(np.cross(R[:-1] @ joint.axis, arm), axis=1)
+                step = step * (off_axis + radius + beyond)
+            bounds[joint.name] = step
+            beyond = beyond + step
+        return bounds
+
+
+def build(data: RobotData) -> Arm:
+    """A robot of the plan file with its URDF.
+
+    Raises:
+        InputError: the URDF lacks a joint or link that the file names.
+    """
+    tree = urdf.load(data.urdf)
+    joints = {joint.name for joint in tree.joints if joint.kind in urdf.MOVING}
+    gripper_joints = data.gripper.joint_names if data.gripper else ()
+    fingers = data.gripper.finger_links if data.gripper else ()
+    for name in (*data.joint_names, *gripper_joints):
+        if name not in joints:
+            there = ", ".join(sorted(joints))
+            raise unusable(f"robot {data.name!r}: no moving joint {name!r} in its URDF; it has {there}")
+    for link in (data.end_effector_link, *fingers):
+        if link not in tree.links:
+            raise unusable(f"robot {data.name!r}: no link {link!r} in its URDF; it has {', '.join(tree.links)}")
+    return Arm(data, tree)

@@ -1,0 +1,194 @@
+"""Who holds what when: contact segments, slip, and objects that move by themselves."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hmap_core.validation import limits, rigid
+from hmap_core.validation.document import SegmentData
+from hmap_core.validation.geometry import Gauge
+from hmap_core.validation.report import Findings, Kind
+from hmap_core.validation.world import Part, World
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """A stretch in which a manipulator touches an object.
+
+    Attributes:
+        segment: where it comes from; its times and samples.
+        manipulator: the links of the robot that may touch, or the tool.
+        held_tool: this is the robot's hold on the tool with which the segment touches its object.
+    """
+
+    world: World
+    segment: SegmentData
+    kind: str
+    object: str
+    expected: np.ndarray | None
+    held_tool: bool = False
+
+    @property
+    def robot(self) -> str:
+        return self.segment.robot
+
+    @property
+    def by_tool(self) -> bool:
+        return not self.held_tool and self.segment.manipulator in self.world.document.bodies
+
+    @property
+    def window(self) -> slice:
+        """The samples of the contact, both ends included."""
+        return slice(self.segment.first, self.segment.last + 1)
+
+    @property
+    def manipulator(self) -> str:
+        """Its name in reports."""
+        return self.segment.manipulator if self.by_tool else f"{self.robot}/{self.end_effector}"
+
+    @property
+    def end_effector(self) -> str:
+        return self.world.arms[self.robot].data.end_effector_link
+
+    @property
+    def bodies(self) -> tuple[str, str]:
+        return self.manipulator, self.object
+
+    @cached_property
+    def touching(self) -> dict[str, list[Part]]:
+        """The parts that may touch, by owner: each finger, or the tool."""
+        if self.by_tool:
+            return {self.segment.manipulator: self.world.parts_of(self.segment.manipulator)}
+        fingers = self.world.arms[self.robot].fingers()
+        return {f"{self.robot}/{link}": self.world.parts_of(self.robot, (link,)) for link in fingers}
+
+    def relative(self, state, window: slice) -> tuple[np.ndarray, np.ndarray]:
+        """The manipulator's frame in the object's: rotations (n, 3, 3) and positions (n, 3)."""
+        if self.by_tool:
+            R, p = state.bodies[self.segment.manipulator]
+        else:
+            R, p = self.world.arms[self.robot].end_effector(state.links[self.robot])
+        Ro, po = state.bodies[self.object]
+        return rigid.relative(Ro[window], po[window], R[window], p[window])
+
+    @cached_property
+    def gaps(self) -> dict[str, np.ndarray]:
+        """Distance (n,) in metres of each owner's parts from the object at the samples of the contact."""
+        steps = range(self.segment.first, self.segment.last + 1)
+        objects = self.world.parts_of(self.object)
+        gaps = {}
+        for owner, parts in self.touching.items():
+            pairs = [(a, b, Gauge(a.solid, b.solid)) for a in parts for b in objects]
+            gaps[owner] = np.array([self._nearest(pairs, k) for k in steps])
+        return gaps
+
+    def _nearest(self, pairs: list[tuple[Part, Part, Gauge]], k: int) -> float:
+        tracks = self.world.tracks
+        return min((gauge.distance(tracks[a].at(k), tracks[b].at(k)) for a, b, gauge in pairs), default=np.inf)
+
+    @cached_property
+    def gap(self) -> np.ndarray:
+        """What counts for the contact, (n,): both fingers of a grasp, the nearest part of a touch or push."""
+        combine = np.max if self.kind == "grasp" and not self.by_tool else np.min
+        return combine(np.array(list(self.gaps.values())), axis=0)
+
+    def normals(self, k: int) -> list[tuple[np.ndarray, np.ndarray]]:
+        """For each owner, where it touches at sample k: the point (3,) on the object and the normal (3,) into it."""
+        found = []
+        for parts in self.touching.values():
+            pairs = [(a, b) for a in parts for b in self.world.parts_of(self.object)]
+            found.append(min((_witness(self.world, a, b, k) for a, b in pairs), key=lambda w: w[0])[1:])
+        return found
+
+
+def _witness(world: World, a: Part, b: Part, k: int) -> tuple[float, np.ndarray, np.ndarray]:
+    distance, _, point, normal = Gauge(a.solid, b.solid).witness(world.tracks[a].at(k), world.tracks[b].at(k))
+    return distance, point, normal
+
+
+def collect(world: World) -> list[Contact]:
+    """All contacts, and for each that a tool makes, the robot's hold on the tool."""
+    contacts = []
+    for segment in world.document.contacts:
+        contact = Contact(world, segment, segment.kind, segment.object, segment.contact_pose)
+        contacts.append(contact)
+        if contact.by_tool:
+            contacts.append(_hold(world, segment))
+    return contacts
+
+
+def _hold(world: World, segment: SegmentData) -> Contact:
+    """The grip on a tool: as in the robot's last segment that had the tool as its object."""
+    tool = segment.manipulator
+    holds = [s for s in world.document.contacts if (s.robot, s.object) == (segment.robot, tool)]
+    earlier = [s for s in holds if s.last <= segment.first]
+    last = max(earlier, key=lambda s: s.last, default=None)
+    kind = last.kind if last is not None else "touch"
+    return Contact(world, segment, kind, tool, last.contact_pose if last else None, held_tool=True)
+
+
+def _worst(distances: np.ndarray, angles: np.ndarray) -> tuple[int, float, float]:
+    """Where, how much and of which limit the pose deviates most: metres, or degrees when that is worse."""
+    by_position = distances / limits.SLIP_POSITION
+    by_rotation = angles / limits.SLIP_ROTATION
+    k = int(np.maximum(by_position, by_rotation).argmax())
+    if by_position[k] >= by_rotation[k]:
+        return k, float(distances[k]), limits.SLIP_POSITION
+    return k, float(np.degrees(angles[k])), float(np.degrees(limits.SLIP_ROTATION))
+
+
+def _check_pose(contact: Contact, findings: Findings) -> None:
+    """The relative pose at the contact's start, and its constancy at the samples and half-way between."""
+    world, segment = contact.world, contact.segment
+    R, p = contact.relative(world.state, contact.window)
+    if contact.expected is not None:
+        off = rigid.deviation(R[:1], p[:1], rigid.matrices(contact.expected[3:]), contact.expected[:3])
+        _, amount, limit = _worst(*off)
+        findings.check(Kind.WRONG_CONTACT_POSE, contact.bodies, segment.start, amount, limit)
+    steps = np.arange(segment.first, segment.last)
+    R_half, p_half = contact.relative(world.between(steps, np.full(len(steps), 0.5)), slice(None))
+    times = np.concatenate([world.document.time[contact.window], world.document.time[steps] + world.document.dt / 2])
+    off = rigid.deviation(np.concatenate([R, R_half]), np.concatenate([p, p_half]), R[0], p[0])
+    k, amount, limit = _worst(*off)
+    findings.check(Kind.SLIP, contact.bodies, times[k], amount, limit)
+
+
+def _check_gap(contact: Contact, findings: Findings) -> None:
+    k = int(contact.gap.argmax())
+    time = contact.world.document.time[contact.segment.first + k]
+    findings.check(Kind.CONTACT_MISSING, contact.bodies, time, contact.gap[k], limits.CONTACT_GAP)
+
+
+def _check_opposed(contact: Contact, findings: Findings) -> None:
+    """The two fingers of a grasp press from opposite sides: the normals of their contacts face each other."""
+    if contact.kind != "grasp" or contact.by_tool or len(contact.touching) != 2 or contact.gap[0] > limits.CONTACT_GAP:
+        return
+    (_, normal_a), (_, normal_b) = contact.normals(contact.segment.first)
+    angle = np.degrees(np.arccos(np.clip(-normal_a @ normal_b, -1.0, 1.0)))
+    limit = np.degrees(limits.OPPOSITE_NORMALS)
+    findings.check(Kind.GRASP_NOT_OPPOSED, contact.bodies, contact.segment.start, angle, limit)
+
+
+def held_steps(world: World, contacts: list[Contact], name: str) -> np.ndarray:
+    """The steps (N-1,) in which something really touches an object."""
+    held = np.zeros(world.samples - 1, bool)
+    for contact in contacts:
+        if contact.object == name:
+            near = contact.gap <= limits.CONTACT_GAP
+            held[contact.segment.first : contact.segment.last] |= near[:-1] & near[1:]
+    return held
+
+
+def runs(mask: np.ndarray) -> list[tuple[int, int]]:
+    """Stretches of true steps as (first, last) samples."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def check(world: World, contacts: list[Contact], findings: Findings) -> None:
+    """Report contacts that are not there, slip, or are elsewhere than the file says."""
+    for contact in contacts:
+        _check_gap(contact, findings)
+        _check_pose(contact, findings)
+        _check_opposed(contact, findings)

@@ -1,0 +1,296 @@
+"""The plan file as arrays: reads the dict and refuses what cannot be judged (``docs/validation.md`` lists the keys)."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hmap_core.validation import limits
+from hmap_core.validation.files import unusable
+from hmap_core.validation.reader import Reader
+
+FORMAT = "hmap-plan"
+VERSION = 1
+MODES = ("kinematic", "physical")
+BODY_KINDS = ("fixed", "movable", "tool")
+CONTACT_KINDS = ("touch", "grasp", "push")
+SEGMENT_KINDS = ("transit", *CONTACT_KINDS)
+SIZES = {"box": 3, "cylinder": 2, "sphere": 1, "capsule": 2, "mesh": 3}
+IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class ShapeData:
+    """A convex shape at ``pose`` (7,) in its body's frame; sizes as in the plan file."""
+
+    kind: str
+    size: tuple[float, ...]
+    pose: np.ndarray
+    mesh: str | None = None
+
+
+@dataclass(frozen=True)
+class BodyData:
+    name: str
+    kind: str
+    shapes: tuple[ShapeData, ...]
+    pose: np.ndarray  # (7,) at the start
+    friction: float
+
+    @property
+    def fixed(self) -> bool:
+        return self.kind == "fixed"
+
+
+@dataclass(frozen=True)
+class GripperData:
+    joint_names: tuple[str, ...]
+    per_joint: float
+    finger_links: tuple[str, ...]
+    min_opening: float
+    max_opening: float
+
+
+@dataclass(frozen=True)
+class RobotData:
+    name: str
+    urdf: str
+    base_pose: np.ndarray
+    joint_names: tuple[str, ...]
+    q_start: np.ndarray
+    position_limits: np.ndarray  # (2, n)
+    velocity_limits: np.ndarray  # (n,)
+    acceleration_limits: np.ndarray  # (n,)
+    end_effector_link: str
+    T_link_ee: np.ndarray
+    ignored_collisions: frozenset[frozenset[str]]
+    gripper: GripperData | None
+
+
+@dataclass(frozen=True)
+class GoalData:
+    object: str
+    pose: np.ndarray
+    position_tolerance: float
+    rotation_tolerance: float
+
+
+@dataclass(frozen=True)
+class SegmentData:
+    """A stretch of the plan; ``first`` and ``last`` are the samples at its ends."""
+
+    start: float
+    end: float
+    first: int
+    last: int
+    robot: str
+    manipulator: str
+    object: str | None
+    kind: str
+    contact_pose: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class Document:
+    """A plan file that can be judged."""
+
+    mode: str
+    bodies: dict[str, BodyData]
+    robots: dict[str, RobotData]
+    goal: GoalData
+    time: np.ndarray  # (N,)
+    dt: float
+    joints: dict[str, np.ndarray]  # robot -> (N, n)
+    gripper: dict[str, np.ndarray]  # robot -> (N,)
+    objects: dict[str, np.ndarray]  # body -> (N, 7), every body whose poses the file gives
+    segments: tuple[SegmentData, ...]
+    contacts: tuple[SegmentData, ...] = field(default=())  # the segments in which something is touched
+
+
+def _not_negative(value: float) -> bool:
+    return value >= 0.0
+
+
+def _shape(reader: Reader) -> ShapeData:
+    kind = reader.get("shape").text(tuple(SIZES))
+    size = reader.get("size")
+    numbers = (size.value,) if isinstance(size.value, int | float) else size.value
+    values = Reader(numbers, size.where).array((SIZES[kind],))
+    if not np.all(values > 0.0):
+        size.fail("positive numbers are needed")
+    mesh = reader.get("mesh").text() if kind == "mesh" else None
+    pose = reader.find("pose")
+    return ShapeData(kind, tuple(values.tolist()), IDENTITY if pose is None else pose.poses(), mesh)
+
+
+def _body(reader: Reader) -> BodyData:
+    if reader.get("shape").text((*SIZES, "compound")) == "compound":
+        shapes = tuple(_shape(part) for part in reader.get("parts").elements())
+        if not shapes:
+            reader.get("parts").fail("at least one part is needed")
+    else:
+        single = dict(reader.value)
+        single.pop("pose", None)  # this one is the body's
+        shapes = (_shape(Reader(single, reader.where)),)
+    friction = reader.find("friction")
+    return BodyData(
+        name=reader.get("name").text(),
+        kind=reader.get("kind").text(BODY_KINDS),
+        shapes=shapes,
+        pose=reader.get("pose").poses(),
+        friction=0.0 if friction is None else friction.number("zero or more", _not_negative),
+    )
+
+
+def _gripper(reader: Reader | None) -> GripperData | None:
+    if reader is None:
+        return None
+    low, high = reader.find("min_opening"), reader.find("max_opening")
+    return GripperData(
+        joint_names=reader.get("joint_names").texts(),
+        per_joint=reader.get("per_joint").number(),
+        finger_links=reader.get("finger_links").texts(),
+        min_opening=0.0 if low is None else low.number(),
+        max_opening=np.inf if high is None else high.number(),
+    )
+
+
+def _robot(name: str, reader: Reader) -> RobotData:
+    joint_names = reader.get("joint_names").texts()
+    n = len(joint_names)
+    ignored = reader.find("ignored_collisions")
+    pairs = [] if ignored is None else [pair.texts() for pair in ignored.elements()]
+    return RobotData(
+        name=name,
+        urdf=reader.get("urdf").text(),
+        base_pose=reader.get("base_pose").poses(),
+        joint_names=joint_names,
+        q_start=reader.get("q_start").array((n,)),
+        position_limits=reader.get("position_limits").array((2, n)),
+        velocity_limits=reader.get("velocity_limits").array((n,)),
+        acceleration_limits=reader.get("acceleration_limits").array((n,)),
+        end_effector_link=reader.get("end_effector_link").text(),
+        T_link_ee=reader.get("T_link_ee").poses(),
+        ignored_collisions=frozenset(frozenset(pair) for pair in pairs),
+        gripper=_gripper(reader.find("gripper")),
+    )
+
+
+def _goal(reader: Reader, bodies: dict[str, BodyData]) -> GoalData:
+    movable = tuple(name for name, body in bodies.items() if not body.fixed)
+    return GoalData(
+        object=reader.get("object").text(movable),
+        pose=reader.get("pose").poses(),
+        position_tolerance=reader.get("position_tolerance_m").number("zero or more", _not_negative),
+        rotation_tolerance=reader.get("rotation_tolerance_rad").number("zero or more", _not_negative),
+    )
+
+
+def _times(reader: Reader) -> tuple[np.ndarray, float]:
+    time = reader.array((None,))
+    if len(time) < 2:
+        raise unusable(f"{reader.where}: {len(time)} samples; at least 2 are needed")
+    back = np.diff(time) <= 0.0
+    if back.any():
+        raise unusable(f"{reader.where}: times must increase; sample {int(back.argmax()) + 1} does not")
+    dt = time[-1] / (len(time) - 1)
+    off = np.abs(time - dt * np.arange(len(time)))
+    if off.max() > limits.TIME_UNIFORMITY * dt:
+        k = int(off.argmax())
+        raise unusable(f"{reader.where}[{k}]: {time[k]:g} s; samples must be uniform from 0 (here {k * dt:g} s)")
+    return time, float(dt)
+
+
+def _known(readers: list[tuple[str, Reader]], allowed: dict, what: str) -> list[tuple[str, Reader]]:
+    for name, reader in readers:
+        if name not in allowed:
+            raise unusable(f"{reader.where}: no {what} of that name; there is {', '.join(allowed) or 'none'}")
+    return readers
+
+
+def _joints(reader: Reader, robots: dict[str, RobotData], N: int) -> dict[str, np.ndarray]:
+    _known(reader.items(), robots, "robot")
+    return {name: reader.get(name).array((N, len(robot.joint_names))) for name, robot in robots.items()}
+
+
+def _openings(reader: Reader | None, robots: dict[str, RobotData], N: int) -> dict[str, np.ndarray]:
+    given = {} if reader is None else dict(_known(reader.items(), robots, "robot"))
+    openings = {}
+    for name, robot in robots.items():
+        if robot.gripper is not None and name not in given:
+            raise unusable(f"trajectory.gripper: no key {name!r}, and that robot has a gripper")
+        openings[name] = given[name].array((N,)) if robot.gripper is not None else np.zeros(N)
+    return openings
+
+
+def _manipulators(robot: RobotData, bodies: dict[str, BodyData]) -> tuple[str, ...]:
+    return (robot.end_effector_link, *(name for name, body in bodies.items() if body.kind == "tool"))
+
+
+def _segment(reader: Reader, robots: dict, bodies: dict, dt: float, N: int) -> SegmentData:
+    kind = reader.get("kind").text(SEGMENT_KINDS)
+    start, end = reader.get("start").number(), reader.get("end").number()
+    first, last = round(start / dt), round(end / dt)
+    if not 0 <= first < last <= N - 1:
+        raise unusable(f"{reader.where}: from {start:g} to {end:g} s; a step or more within 0 to {(N - 1) * dt:g} s")
+    contact = kind in CONTACT_KINDS
+    robot = reader.get("robot").text(tuple(robots))
+    movable = tuple(name for name, body in bodies.items() if not body.fixed)
+    target = reader.get("object") if contact else reader.find("object")
+    allowed = movable if contact else tuple(bodies)
+    manipulator = reader.get("manipulator").text(_manipulators(robots[robot], bodies))
+    name = None if target is None else target.text(allowed)
+    if contact and name == manipulator:
+        raise unusable(f"{reader.where}: {name!r} is both the manipulator and the object")
+    pose = reader.get("contact_pose").poses() if contact else None
+    return SegmentData(start, end, first, last, robot, manipulator, name, kind, pose)
+
+
+def _segments(reader: Reader, robots: dict, bodies: dict, dt: float, N: int) -> tuple[SegmentData, ...]:
+    segments = sorted((_segment(e, robots, bodies, dt, N) for e in reader.elements()), key=lambda s: s.first)
+    covered = 0
+    busy: dict[str, int] = {}
+    for segment in segments:
+        if segment.first > covered:
+            break
+        if segment.first < busy.get(segment.robot, 0):
+            raise unusable(f"{reader.where}: robot {segment.robot!r} is in two segments at {segment.start:g} s")
+        busy[segment.robot] = segment.last
+        covered = max(covered, segment.last)
+    if covered != N - 1:
+        raise unusable(f"{reader.where}: nothing covers the time after {covered * dt:g} s; no gaps are allowed")
+    return tuple(segments)
+
+
+def read(plan: dict) -> Document:
+    """The plan dict as arrays.
+
+    Raises:
+        InputError: code ``INVALID_PLAN_FILE``; something is missing, of a wrong shape or kind, not finite or unknown.
+    """
+    top = Reader(plan, "plan")
+    top.get("format").text((FORMAT,))
+    if top.get("version").number() != VERSION:
+        top.get("version").fail(f"this judge reads version {VERSION}")
+    mode = top.get("mode").text(MODES)
+    bodies = {body.name: body for body in map(_body, top.get("scene").get("bodies").elements())}
+    if len(bodies) != len(top.get("scene").get("bodies").elements()):
+        raise unusable("plan.scene.bodies: two bodies have the same name")
+    robots = {name: _robot(name, reader) for name, reader in top.get("robots").items()}
+    trajectory = top.get("trajectory")
+    time, dt = _times(trajectory.get("time"))
+    N = len(time)
+    objects = _known(trajectory.get("objects").items(), bodies, "body")
+    segments = _segments(top.get("segments"), robots, bodies, dt, N)
+    return Document(
+        mode=mode,
+        bodies=bodies,
+        robots=robots,
+        goal=_goal(top.get("goal"), bodies),
+        time=time,
+        dt=dt,
+        joints=_joints(trajectory.get("joints"), robots, N),
+        gripper=_openings(trajectory.find("gripper"), robots, N),
+        objects={name: reader.poses((N,)) for name, reader in objects},
+        segments=segments,
+        contacts=tuple(s for s in segments if s.kind in CONTACT_KINDS),
+    )

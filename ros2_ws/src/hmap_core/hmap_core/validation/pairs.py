@@ -1,0 +1,89 @@
+"""Which pairs of parts are looked at, and how far the two can move against each other."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+
+from hmap_core.validation.geometry import Gauge, box_gap
+from hmap_core.validation.world import Part, World
+
+
+@dataclass(eq=False)
+class Pair:
+    """Two parts that must not penetrate each other.
+
+    Attributes:
+        motion: (N-1,) bound in metres on the relative motion of any two of their points in each step.
+        clearance: whether their distance counts for the plan's smallest clearance.
+    """
+
+    a: Part
+    b: Part
+    motion: np.ndarray
+    clearance: bool
+
+    @property
+    def names(self) -> tuple[str, str]:
+        return self.a.owner, self.b.owner
+
+    @cached_property
+    def gauge(self) -> Gauge:
+        return Gauge(self.a.solid, self.b.solid)
+
+    def lower_bounds(self, world: World) -> np.ndarray:
+        """Lower bounds (N,) of the distance at the samples; one sample when the two never move."""
+        a, b = world.tracks[self.a], world.tracks[self.b]
+        n = len(a.p) if np.any(self.motion > 0.0) else 1
+        return box_gap(self.a.solid, a.R[:n], a.p[:n], self.b.solid, b.R[:n], b.p[:n])
+
+
+class PairBuilder:
+    """Makes the pairs of a world.
+
+    Left out: two fixed bodies; a link that no joint moves with a fixed body (a base on its table); links of one robot
+    that are rigidly joined, share a joint, or are listed in the robot's ``ignored_collisions``.
+    """
+
+    def __init__(self, world: World, touching: set[frozenset[str]]):
+        self._world = world
+        self._touching = touching  # pairs of owners that may touch: contacts, and bodies with what carries them
+        self._links = {part: world.link_motion(part) for part in world.parts if part.link is not None}
+        zero = np.zeros(world.samples - 1)
+        self._motion = {
+            part: sum(self._links[part].values(), zero) if part.link is not None else world.body_motion(part)
+            for part in world.parts
+        }
+
+    def build(self) -> list[Pair]:
+        """All pairs to look at."""
+        pairs = (self._pair(a, b) for a, b in combinations(self._world.parts, 2))
+        return [pair for pair in pairs if pair is not None]
+
+    def _pair(self, a: Part, b: Part) -> Pair | None:
+        if a.holder == b.holder and (a.link is None) == (b.link is None):
+            return None if a.link is None else self._self_pair(a, b)
+        if self._immobile(a) and self._immobile(b) and (a.link is None or b.link is None):
+            return None
+        motion = self._motion[a] + self._motion[b]
+        may_touch = frozenset((a.owner, b.owner)) in self._touching
+        return Pair(a, b, motion, clearance=bool(not may_touch and np.any(motion > 0.0)))
+
+    def _self_pair(self, a: Part, b: Part) -> Pair | None:
+        robot = self._world.arms[a.holder]
+        if a.link == b.link or robot.adjacent(a.link, b.link):
+            return None
+        if frozenset((a.link, b.link)) in robot.data.ignored_collisions:
+            return None
+        joints_a = {joint.name for joint in robot.moving(a.link)}
+        joints_b = {joint.name for joint in robot.moving(b.link)}
+        # joints below both carry them along together
+        own_a = [self._links[a][name] for name in joints_a - joints_b]
+        own_b = [self._links[b][name] for name in joints_b - joints_a]
+        return Pair(a, b, sum(own_a + own_b, np.zeros(self._world.samples - 1)), clearance=False)
+
+    def _immobile(self, part: Part) -> bool:
+        if part.link is None:
+            return self._world.document.bodies[part.holder].fixed and not np.any(self._motion[part] > 0.0)
+        return not self._world.arms[part.holder].moving(part.link)

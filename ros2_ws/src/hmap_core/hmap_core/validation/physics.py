@@ -1,0 +1,155 @@
+"""What friction, closing width and geometry allow, for plans in physical mode.
+
+Pushing is quasi-static (Lynch and Mason, "Stable pushing: mechanics, controllability, and planning", 1996): friction
+with the support answers a planar motion (v, w) of the centre of mass with a force along -v and a torque along -c^2 w,
+where c depends on how the weight is spread (an ellipsoidal limit surface); here the mean distance of the footprint from
+the centre of mass, which is exact at both ends of the ellipsoid for weight spread evenly. The pusher has to supply the
+opposite, with forces inside the friction cones at the corners of the patch in which it touches.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.optimize import nnls
+from scipy.spatial import Delaunay
+
+from hmap_core.validation import limits, rigid
+from hmap_core.validation.contacts import Contact
+from hmap_core.validation.geometry import Gauge, polytope_points
+from hmap_core.validation.report import Findings, Kind
+from hmap_core.validation.support import center_of_mass, overlap
+from hmap_core.validation.world import Part, World
+
+FLAT = 1e-6  # shortest horizontal part of a unit normal that still pushes sideways
+
+
+def _patch(world: World, tip: Part, target: Part, k: int) -> tuple[np.ndarray, np.ndarray] | None:
+    """Where two parts touch at sample k: points (n, 3) and the unit normal (3,) into the target, in the world."""
+    a, b = world.tracks[tip], world.tracks[target]
+    distance, _, point, normal = Gauge(tip.solid, target.solid).witness(a.at(k), b.at(k))
+    if distance > limits.CONTACT_GAP:
+        return None
+    pressed = polytope_points(tip.solid, a.R[k], a.p[k] + limits.CONTACT_GAP * normal)
+    corners = overlap(pressed, polytope_points(target.solid, b.R[k], b.p[k]))
+    return (point[None] if corners is None else corners), normal
+
+
+def _patches(contact: Contact) -> list[tuple[np.ndarray, np.ndarray]]:
+    world, k = contact.world, contact.segment.first
+    targets = world.parts_of(contact.object)
+    found = [_patch(world, a, b, k) for parts in contact.touching.values() for a in parts for b in targets]
+    return [patch for patch in found if patch is not None]
+
+
+def _friction(contact: Contact) -> float:
+    """Lateral friction of the contact: the lower of the object's and the tool's; that of fingers is not in the file."""
+    bodies = contact.world.document.bodies
+    names = [contact.object] + ([contact.segment.manipulator] if contact.by_tool else [])
+    return min(bodies[name].friction for name in names)
+
+
+def _edges(normal: np.ndarray, friction: float) -> list[np.ndarray]:
+    """The two edges (2,) of the friction cone in the horizontal plane; none for a vertical normal."""
+    flat = np.linalg.norm(normal[:2])
+    if flat < FLAT:
+        return []
+    n = normal[:2] / flat
+    return [n + sign * friction * np.array([-n[1], n[0]]) for sign in (-1.0, 1.0)]
+
+
+def _wrenches(contact: Contact, length: float) -> np.ndarray:
+    """Generators (3, m) of what the pusher can supply about the centre of mass: force, and torque over ``length``."""
+    center = center_of_mass(contact.world, contact.object, contact.segment.first)
+    friction = _friction(contact)
+    columns = []
+    for points, normal in _patches(contact):
+        for edge in _edges(normal, friction):
+            for x, y in points[:, :2] - center[:2]:
+                columns.append([*edge, (x * edge[1] - y * edge[0]) / length])
+    return np.unique(np.round(columns, 9), axis=0).T if columns else np.zeros((3, 0))
+
+
+@lru_cache(maxsize=1)
+def _barycentric() -> np.ndarray:
+    """Weights (36, 3) of the centres of an even cut of a triangle into 36 small ones."""
+    n = 6
+    up = [(3 * i + 1, 3 * j + 1) for i in range(n) for j in range(n - i)]
+    down = [(3 * i + 2, 3 * j + 2) for i in range(n) for j in range(n - i - 1)]
+    ab = np.array(up + down) / (3.0 * n)
+    return np.column_stack([ab, 1.0 - ab.sum(axis=1)])
+
+
+def _length(contact: Contact) -> float:
+    """Mean distance in metres of the object's footprint from its centre of mass, seen from above."""
+    world, k = contact.world, contact.segment.first
+    center = center_of_mass(world, contact.object, k)[:2]
+    parts = world.parts_of(contact.object)
+    tracks = [world.tracks[part] for part in parts]
+    points = np.vstack([polytope_points(t.part.solid, t.R[k], t.p[k])[:, :2] for t in tracks]) - center
+    triangles = points[Delaunay(points).simplices]
+    side_a, side_b = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    areas = np.abs(side_a[:, 0] * side_b[:, 1] - side_a[:, 1] * side_b[:, 0])
+    distances = np.linalg.norm(np.einsum("bc,tcx->tbx", _barycentric(), triangles), axis=2).mean(axis=1)
+    return float(areas @ distances / areas.sum())
+
+
+def _motions(contact: Contact, length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Planar velocity (n, 3) of the centre of mass, rotation times ``length``, in axes that turn with the object.
+
+    The axes are those of the world at the start of the contact. Also the samples (n,) at which the steps begin.
+    """
+    world, first, last = contact.world, contact.segment.first, contact.segment.last
+    R, p = (values[first : last + 1] for values in world.state.bodies[contact.object])
+    local = R[0].T @ (center_of_mass(world, contact.object, first) - p[0])
+    velocity = np.diff(p + R @ local, axis=0) / world.document.dt
+    turned = R[:-1] @ R[0].T
+    velocity = (np.swapaxes(turned, -1, -2) @ velocity[..., None])[..., 0]
+    step, _ = rigid.relative(R[:-1], p[:-1], R[1:], p[1:])
+    about_z = R[:-1] @ step @ np.swapaxes(R[:-1], -1, -2)
+    spin = np.arctan2(about_z[:, 1, 0] - about_z[:, 0, 1], about_z[:, 0, 0] + about_z[:, 1, 1]) / world.document.dt
+    motion = np.column_stack([velocity[:, :2], spin * length])
+    moving = np.linalg.norm(motion, axis=1) > limits.PUSH_SPEED
+    return motion[moving], first + np.flatnonzero(moving)
+
+
+def _outside(wrenches: np.ndarray, motion: np.ndarray) -> float:
+    """Angle in radians between the wrench a motion (3,) needs and the nearest one the pusher can supply."""
+    needed = motion / np.linalg.norm(motion)
+    if wrenches.shape[1] == 0:
+        return np.pi / 2.0
+    _, residual = nnls(wrenches, needed)
+    return float(np.arcsin(np.clip(residual, 0.0, 1.0)))
+
+
+def _check_push(contact: Contact, findings: Findings) -> None:
+    length = _length(contact)
+    wrenches = _wrenches(contact, length)
+    motions, samples = _motions(contact, length)
+    for motion, k in zip(motions, samples, strict=True):
+        angle, limit = np.degrees(_outside(wrenches, motion)), np.degrees(limits.FRICTION_CONE_SLACK)
+        findings.check(Kind.FRICTION_CONE, contact.bodies, contact.world.document.time[k], angle, limit)
+
+
+def _check_grasp(contact: Contact, findings: Findings) -> None:
+    gripper = contact.world.arms[contact.robot].data.gripper
+    if gripper is None or contact.by_tool:
+        return
+    openings = contact.world.document.gripper[contact.robot][contact.window]
+    for k, bound in ((int(openings.argmin()), gripper.min_opening), (int(openings.argmax()), gripper.max_opening)):
+        excess = (openings[k] - bound) * (1.0 if bound == gripper.max_opening else -1.0)
+        if excess > limits.OPENING_SLACK:
+            time = contact.world.document.time[contact.segment.first + k]
+            findings.add(Kind.GRASP_WIDTH, contact.bodies, time, openings[k], bound, excess)
+
+
+def check(world: World, contacts: list[Contact], findings: Findings) -> None:
+    """Report contacts that could not do under friction and gravity what the plan says; physical mode only."""
+    if world.document.mode != "physical":
+        return
+    for contact in contacts:
+        if contact.kind == "touch":
+            findings.add(Kind.NOT_PHYSICAL, contact.bodies, contact.segment.start, 1.0, 0.0, 1.0)
+        elif contact.kind == "grasp":
+            _check_grasp(contact, findings)
+        else:
+            _check_push(contact, findings)

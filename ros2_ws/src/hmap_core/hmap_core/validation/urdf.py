@@ -1,0 +1,173 @@
+"""Kinematics and collision shapes of a robot from its URDF, by the standard library and numpy only."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from hmap_core.validation import rigid
+from hmap_core.validation.files import locate, mesh_points, unusable
+from hmap_core.validation.geometry import Solid, hull, solid
+
+MOVING = ("revolute", "continuous", "prismatic")
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint of the URDF; ``origin`` is the child's frame in the parent's at value zero."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin_R: np.ndarray
+    origin_p: np.ndarray
+    axis: np.ndarray
+    lower: float
+    upper: float
+    velocity: float
+    mimic: tuple[str, float, float] | None  # joint, multiplier, offset
+
+
+@dataclass(frozen=True)
+class LinkShape:
+    """A convex collision shape at a fixed place on a link."""
+
+    link: str
+    solid: Solid
+    R: np.ndarray
+    p: np.ndarray
+
+
+@dataclass(frozen=True)
+class Urdf:
+    """A kinematic tree.
+
+    Attributes:
+        root: its base link.
+        joints: ordered so that a parent comes before its children.
+        shapes: the collision shapes of all links.
+    """
+
+    root: str
+    links: tuple[str, ...]
+    joints: tuple[Joint, ...]
+    shapes: tuple[LinkShape, ...]
+
+    def joint_to(self, link: str) -> Joint | None:
+        """The joint that carries a link; None for the base."""
+        return next((joint for joint in self.joints if joint.child == link), None)
+
+    def chain(self, link: str) -> list[Joint]:
+        """The joints from the base to a link."""
+        joints = []
+        joint = self.joint_to(link)
+        while joint is not None:
+            joints.insert(0, joint)
+            joint = self.joint_to(joint.parent)
+        return joints
+
+
+def _numbers(text: str | None, default: tuple[float, ...]) -> np.ndarray:
+    return np.array(text.split() if text else default, float)
+
+
+def _origin(element) -> tuple[np.ndarray, np.ndarray]:
+    origin = element.find("origin")
+    if origin is None:
+        return np.eye(3), np.zeros(3)
+    return rigid.from_rpy(_numbers(origin.get("rpy"), (0, 0, 0))), _numbers(origin.get("xyz"), (0, 0, 0))
+
+
+def _joint(element) -> Joint:
+    axis_element, limit, mimic = element.find("axis"), element.find("limit"), element.find("mimic")
+    axis = _numbers(axis_element.get("xyz") if axis_element is not None else None, (1, 0, 0))
+    kind = element.get("type")
+    if kind in MOVING:
+        axis = axis / np.linalg.norm(axis)
+    bounded = limit is not None and kind != "continuous"
+    R, p = _origin(element)
+    return Joint(
+        name=element.get("name"),
+        kind=kind,
+        parent=element.find("parent").get("link"),
+        child=element.find("child").get("link"),
+        origin_R=R,
+        origin_p=p,
+        axis=axis,
+        lower=float(limit.get("lower", 0.0)) if bounded else -np.inf,
+        upper=float(limit.get("upper", 0.0)) if bounded else np.inf,
+        velocity=float(limit.get("velocity", "inf")) if limit is not None else np.inf,
+        mimic=None
+        if mimic is None
+        else (mimic.get("joint"), float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))),
+    )
+
+
+def _mesh_file(name: str, urdf: Path) -> Path:
+    """``package://`` means the URDF's folder, as PyBullet reads it, or a package folder above it."""
+    scheme, separator, rest = name.partition("://")
+    if separator and scheme != "package":
+        return locate(name)
+    relative = rest if separator else name
+    folders = [urdf.parent, *urdf.parents]
+    candidates = [folder / part for part in (relative, relative.partition("/")[2]) if part for folder in folders[:4]]
+    for candidate in candidates:
+        if candidate.is_file():
+            return candidate
+    raise unusable(f"{urdf}: no mesh {name!r} in its folder or those above it")
+
+
+def _collision_solid(geometry, urdf: Path) -> Solid:
+    child = geometry[0]
+    if child.tag == "mesh":
+        points = mesh_points(_mesh_file(child.get("filename"), urdf)) * _numbers(child.get("scale"), (1, 1, 1))
+        return hull(points, child.get("filename"))
+    if child.tag == "box":
+        return solid("box", tuple(_numbers(child.get("size"), ()).tolist()))
+    if child.tag == "sphere":
+        return solid("sphere", (float(child.get("radius")),))
+    if child.tag in ("cylinder", "capsule"):
+        return solid(child.tag, (float(child.get("radius")), float(child.get("length"))))
+    raise unusable(f"{urdf}: unknown collision geometry {child.tag!r}; allowed: mesh, box, sphere, cylinder, capsule")
+
+
+def _link_shapes(element, urdf: Path) -> list[LinkShape]:
+    shapes = []
+    for collision in element.findall("collision"):
+        R, p = _origin(collision)
+        shapes.append(LinkShape(element.get("name"), _collision_solid(collision.find("geometry"), urdf), R, p))
+    return shapes
+
+
+def _ordered(joints: list[Joint], root: str) -> tuple[Joint, ...]:
+    ordered, frontier = [], [root]
+    while frontier:
+        link = frontier.pop(0)
+        below = [joint for joint in joints if joint.parent == link]
+        ordered += below
+        frontier += [joint.child for joint in below]
+    return tuple(ordered)
+
+
+@lru_cache(maxsize=16)
+def load(uri: str) -> Urdf:
+    """The robot that a URI names.
+
+    Raises:
+        InputError: there is no such file, or it is not a URDF of one tree.
+    """
+    path = locate(uri)
+    try:
+        robot = ElementTree.parse(path).getroot()
+        joints = [_joint(element) for element in robot.findall("joint")]
+        links = [element.get("name") for element in robot.findall("link")]
+        shapes = [shape for element in robot.findall("link") for shape in _link_shapes(element, path)]
+    except (ElementTree.ParseError, AttributeError, ValueError, TypeError, IndexError) as error:
+        raise unusable(f"{path}: not a readable URDF ({error})") from error
+    roots = [link for link in links if link not in {joint.child for joint in joints}]
+    if len(roots) != 1:
+        raise unusable(f"{path}: {len(roots)} links without a parent; a robot has exactly one")
+    return Urdf(roots[0], tuple(links), _ordered(joints, roots[0]), tuple(shapes))

@@ -1,0 +1,126 @@
+"""Everything of a plan that has a shape, placed at every sample and anywhere between two."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hmap_core.validation import arm, rigid
+from hmap_core.validation.document import BodyData, Document
+from hmap_core.validation.geometry import Solid, solid_of, transform
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """The plan's things at M instants: link frames of each robot and poses (M, 7) of each body."""
+
+    links: dict[str, arm.Frames]
+    poses: dict[str, np.ndarray]
+
+    @cached_property
+    def bodies(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Rotations (M, 3, 3) and positions (M, 3) of the bodies."""
+        return {name: (rigid.matrices(poses[:, 3:]), poses[:, :3]) for name, poses in self.poses.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One convex shape of a body or of a robot's link.
+
+    Attributes:
+        owner: the name in reports: the body's, or ``robot/link``.
+        holder: the body, or the robot.
+        link: the robot's link; None for a body.
+        R, p: where the shape is in the frame of its body or link.
+    """
+
+    owner: str
+    holder: str
+    link: str | None
+    solid: Solid
+    R: np.ndarray
+    p: np.ndarray
+
+    @property
+    def reach(self) -> float:
+        """Largest distance of a point of the shape from the frame of its body or link, in metres."""
+        return float(np.linalg.norm(self.solid.points @ self.R.T + self.p, axis=1).max()) + self.solid.ball
+
+    def frames(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """Rotations (M, 3, 3) and positions (M, 3) of the shape."""
+        R, p = state.bodies[self.holder] if self.link is None else state.links[self.holder][self.link]
+        return R @ self.R, p + R @ self.p
+
+
+class Track:
+    """Where a part is at M instants, with its coal transforms made when first asked for."""
+
+    def __init__(self, part: Part, state: State):
+        self.part = part
+        self.R, self.p = part.frames(state)
+        self._transforms: dict[int, object] = {}
+
+    def at(self, k: int):
+        """The coal transform at instant k."""
+        if k not in self._transforms:
+            self._transforms[k] = transform(self.R[k], self.p[k])
+        return self._transforms[k]
+
+
+class World:
+    """A plan's robots and bodies in motion."""
+
+    def __init__(self, document: Document):
+        self.document = document
+        self.samples = len(document.time)
+        self.arms = {name: arm.build(robot) for name, robot in document.robots.items()}
+        self.values = {n: a.values(document.joints[n], document.gripper[n]) for n, a in self.arms.items()}
+        self.poses = {name: self._poses(body) for name, body in document.bodies.items()}
+        self.state = State({n: a.frames(self.values[n]) for n, a in self.arms.items()}, self.poses)
+        self.parts = [*self._robot_parts(), *self._body_parts()]
+        self.tracks = {part: Track(part, self.state) for part in self.parts}
+
+    def _poses(self, body: BodyData) -> np.ndarray:
+        """Poses (N, 7); a body without a trajectory stays where it is."""
+        given = self.document.objects.get(body.name)
+        return np.broadcast_to(body.pose, (self.samples, 7)) if given is None else given
+
+    def _robot_parts(self) -> list[Part]:
+        return [
+            Part(f"{name}/{shape.link}", name, shape.link, shape.solid, shape.R, shape.p)
+            for name, robot in self.arms.items()
+            for shape in robot.tree.shapes
+        ]
+
+    def _body_parts(self) -> list[Part]:
+        return [
+            Part(name, name, None, solid_of(shape), rigid.matrices(shape.pose[3:]), shape.pose[:3])
+            for name, body in self.document.bodies.items()
+            for shape in body.shapes
+        ]
+
+    def parts_of(self, holder: str, links: tuple[str, ...] | None = None) -> list[Part]:
+        """The parts of a body, or of some links of a robot."""
+        return [p for p in self.parts if p.holder == holder and (links is None) == (p.link is None)
+                and (links is None or p.link in links)]  # fmt: skip
+
+    def between(self, steps: np.ndarray, s: np.ndarray) -> State:
+        """The state at the fractions s (M,) of the steps (M,): joints linear, bodies straight and on shortest arcs."""
+        links = {}
+        for name, robot in self.arms.items():
+            values = {j: v[steps] + s * (v[steps + 1] - v[steps]) for j, v in self.values[name].items()}
+            links[name] = robot.frames(values)
+        poses = {n: rigid.between(v[steps], v[steps + 1], s) for n, v in self.poses.items()}
+        return State(links, poses)
+
+    def body_motion(self, part: Part) -> np.ndarray:
+        """How far any point of a body's part can move in each step, (N-1,) in metres."""
+        poses = self.poses[part.holder]
+        turned = rigid.turn(poses[:-1, 3:], poses[1:, 3:])
+        return np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1) + turned * part.reach
+
+    def link_motion(self, part: Part) -> dict[str, np.ndarray]:
+        """The same for a robot's part, joint by joint."""
+        return self.arms[part.holder].motion_bounds(
+            part.link, part.reach, self.values[part.holder], self.state.links[part.holder]
+        )
