@@ -75,7 +75,7 @@ def hull_vertices(shape: Shape) -> tuple[np.ndarray, float]:
     return apply(shape.pose, points), radius
 
 
-def _bounding_sphere(points: np.ndarray) -> tuple[np.ndarray, float]:
+def bounding_sphere(points: np.ndarray) -> tuple[np.ndarray, float]:
     """A small enclosing sphere (Badoiu and Clarkson's iteration, made safe by the final maximum)."""
     center = (points.min(0) + points.max(0)) / 2
     for k in range(60):
@@ -91,7 +91,7 @@ def from_hulls(hulls: Sequence[tuple[np.ndarray, float]]) -> ConvexSet:
     if not hulls:
         empty = np.zeros((0, 3))
         return ConvexSet(empty, np.zeros(1, np.int64), np.zeros(0), empty, np.zeros(0))
-    spheres = [_bounding_sphere(points) for points, _ in hulls]
+    spheres = [bounding_sphere(points) for points, _ in hulls]
     radius = np.array([r for _, r in hulls])
     return ConvexSet(
         np.ascontiguousarray(np.concatenate([points for points, _ in hulls])),

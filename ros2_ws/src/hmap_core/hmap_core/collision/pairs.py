@@ -1,0 +1,89 @@
+"""Compiled evaluation of all pairs of a CollisionModel at one set of frames."""
+
+import numba as nb
+import numpy as np
+
+from hmap_core.collision.gjk import OPTIONS, distance_within
+
+BEYOND = 1e3  # m: what a pair that is far apart reports
+
+
+@nb.njit(**OPTIONS)
+def place_centers(cols, R, p, centers):
+    """World centres (S, 3) of the bounding spheres."""
+    for s in range(cols.frame.shape[0]):
+        f = cols.frame[s]
+        for x in range(3):
+            centers[s, x] = (
+                p[f, x]
+                + R[f, x, 0] * cols.center[s, 0]
+                + R[f, x, 1] * cols.center[s, 1]
+                + R[f, x, 2] * cols.center[s, 2]
+            )
+
+
+@nb.njit(**OPTIONS)
+def _box_distance(low, high, R, p, c):
+    """Distance of a world point c from the box [low, high] of a frame."""
+    d0, d1, d2 = c[0] - p[0], c[1] - p[1], c[2] - p[2]
+    square = 0.0
+    for x in range(3):
+        v = R[0, x] * d0 + R[1, x] * d1 + R[2, x] * d2
+        e = max(low[x] - v, v - high[x])
+        if e > 0.0:
+            square += e * e
+    return np.sqrt(square)
+
+
+@nb.njit(**OPTIONS)
+def pair_distance(cols, k, R, p, centers, cutoff, axis, witness, work):
+    """Signed distance (m) of pair k, or a lower bound above ``cutoff``.
+
+    ``axis`` (3,) keeps the separating direction between calls; it makes the next call on a similar configuration cheap.
+    """
+    a, b = cols.a[k], cols.b[k]
+    ca, cb = centers[a], centers[b]
+    d0, d1, d2 = ca[0] - cb[0], ca[1] - cb[1], ca[2] - cb[2]
+    gap = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2) - cols.bound[a] - cols.bound[b]
+    if gap > cutoff:
+        return gap
+    fa, fb = cols.frame[a], cols.frame[b]
+    if cols.bound[a] < cols.bound[b]:
+        gap = _box_distance(cols.low[b], cols.high[b], R[fb], p[fb], ca) - cols.bound[a]
+    else:
+        gap = _box_distance(cols.low[a], cols.high[a], R[fa], p[fa], cb) - cols.bound[b]
+    if gap > cutoff:
+        return gap
+    if axis[0] == 0.0 and axis[1] == 0.0 and axis[2] == 0.0:
+        work[0, 0] = d0
+        work[0, 1] = d1
+        work[0, 2] = d2
+    else:
+        work[0, 0] = axis[0]
+        work[0, 1] = axis[1]
+        work[0, 2] = axis[2]
+    d = distance_within(
+        cols.vertices[cols.start[a] : cols.start[a + 1]], R[fa], p[fa], cols.radius[a],
+        cols.vertices[cols.start[b] : cols.start[b + 1]], R[fb], p[fb], cols.radius[b],
+        cutoff, witness, work,
+    )  # fmt: skip
+    axis[0] = work[0, 0]
+    axis[1] = work[0, 1]
+    axis[2] = work[0, 2]
+    return d
+
+
+@nb.njit(**OPTIONS)
+def worst_pair(cols, R, p, phases, floor, axes, centers, witness, work):
+    """The pair that violates its margin most: (margin - distance, pair), or (floor, -1) when none exceeds ``floor``."""
+    place_centers(cols, R, p, centers)
+    worst = floor
+    index = -1
+    for k in range(cols.a.shape[0]):
+        if cols.phases[k] & phases == 0:
+            continue
+        d = pair_distance(cols, k, R, p, centers, cols.margin[k] - worst, axes[k], witness, work)
+        if cols.margin[k] - d > worst:
+            worst = cols.margin[k] - d
+            index = k
+    return worst, index

@@ -1,0 +1,207 @@
+"""An arm as the compiled code wants it: joints that all turn about (or slide along) their local z axis, and link hulls."""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from hmap_core.exceptions import Code, InputError
+from hmap_core.kinematics.simplify import simplify_hull
+from hmap_core.kinematics.tree import forward
+from hmap_core.kinematics.urdf import MOVING, Urdf, load_urdf
+from hmap_core.transforms import from_matrix, to_matrix
+from hmap_core.types import RobotModel
+
+LINK_TOLERANCE = 0.0012  # m a simplified link hull may stick out of the true one
+FINGER_TOLERANCE = 0.00005  # m, for the parts that touch objects
+
+
+@dataclass(frozen=True)
+class LinkHull:
+    """A convex piece of a link: swept hull in the frame that carries it (0 = base, i = after joint i).
+
+    ``slide`` (3,) is how far it moves, in that frame, per metre of gripper opening: zero but for fingers.
+    """
+
+    link: str
+    frame: int
+    vertices: np.ndarray
+    radius: float
+    slide: np.ndarray
+    finger: bool
+
+    def at(self, opening: float) -> np.ndarray:
+        """Vertices (n, 3) with the gripper open by ``opening`` metres."""
+        return self.vertices + self.slide * opening
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A serial arm in its base frame.
+
+    Attributes:
+        R_joint, p_joint: (n, 3, 3), (n, 3) fixed transform from the frame before to the frame of joint i at zero.
+        prismatic: (n,) 1 where the joint slides along z, 0 where it turns about z.
+        T_tip_ee: (4, 4) end-effector frame in the last frame.
+        hulls: convex pieces of all links.
+        self_pairs: (P, 2) indices of hulls that may collide with each other.
+        parent: (n,) frame each joint hangs on.
+    """
+
+    model: RobotModel
+    R_joint: np.ndarray
+    p_joint: np.ndarray
+    prismatic: np.ndarray
+    T_tip_ee: np.ndarray
+    hulls: tuple[LinkHull, ...]
+    self_pairs: np.ndarray
+    parent: np.ndarray
+
+    @property
+    def n(self) -> int:
+        return len(self.prismatic)
+
+    def frames(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rotations (n + 1, 3, 3) and origins (n + 1, 3) of all frames in the base frame; 0 is the base."""
+        R = np.empty((self.n + 1, 3, 3))
+        p = np.empty((self.n + 1, 3))
+        forward(np.ascontiguousarray(q, float), self.parent, self.R_joint, self.p_joint, self.prismatic, R, p)
+        return R, p
+
+    def end_effector(self, q: np.ndarray) -> np.ndarray:
+        """T_base_ee (7,) at configuration q (n,)."""
+        R, p = self.frames(q)
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = R[-1], p[-1]
+        return from_matrix(T @ self.T_tip_ee)
+
+    def reach(self, beyond: float = 0.0) -> np.ndarray:
+        """Bound (n,) on the distance of any link point from each joint's axis; 1 for sliding joints.
+
+        ``beyond`` is how far something held sticks out of the end-effector frame, metres.
+        """
+        extent = np.zeros(self.n + 1)  # of the links on each frame, and of what hangs on it
+        for hull in self.hulls:
+            slide = np.linalg.norm(hull.slide) * (self.model.gripper.open_opening if self.model.gripper else 0.0)
+            size = np.linalg.norm(hull.vertices, axis=1).max() + hull.radius + slide
+            extent[hull.frame] = max(extent[hull.frame], size)
+        extent[-1] = max(extent[-1], np.linalg.norm(self.T_tip_ee[:3, 3]) + beyond)
+        bound = np.zeros(self.n)
+        for k in range(self.n - 1, -1, -1):
+            stroke = np.ptp(self.model.position_limits[:, k + 1]) if k + 1 < self.n and self.prismatic[k + 1] else 0.0
+            further = bound[k + 1] + np.linalg.norm(self.p_joint[k + 1]) + stroke if k + 1 < self.n else 0.0
+            bound[k] = max(extent[k + 1], further)
+        return np.where(self.prismatic == 1, 1.0, bound)
+
+    def finger_vertices(self, opening: float) -> np.ndarray:
+        """All vertices (m, 3) of the finger links in the end-effector frame; empty without a gripper."""
+        points = [hull.at(opening) for hull in self.hulls if hull.finger]
+        if not points:
+            return np.zeros((0, 3))
+        inverse = np.linalg.inv(self.T_tip_ee)
+        return np.concatenate(points) @ inverse[:3, :3].T + inverse[:3, 3]
+
+
+def _align_z(axis: np.ndarray) -> np.ndarray:
+    """A rotation (4, 4) that takes z to the unit axis (3,)."""
+    matrix = np.eye(4)
+    if axis[2] < 1.0 - 1e-12:
+        matrix[:3, :3] = Rotation.align_vectors([axis], [[0, 0, 1]])[0].as_matrix()
+    return matrix
+
+
+def _link_frames(urdf: Urdf, model: RobotModel):
+    """Where each link hangs: link -> (frame, T_frame_link (4, 4), slide (3,), finger), and the joints' fixed parts."""
+    for name in model.joint_names:
+        if name not in {j.name for j in urdf.joints.values()}:
+            known = ", ".join(j.name for j in urdf.joints.values() if j.kind in MOVING)
+            raise InputError(f"robot '{model.name}': joint '{name}' is not in the URDF; it has {known}", Code.INVALID_SCENE)
+    if model.end_effector_link not in urdf.hulls:
+        raise InputError(
+            f"robot '{model.name}': end_effector_link '{model.end_effector_link}' is not in the URDF", Code.INVALID_SCENE
+        )
+    fixed: dict[str, np.ndarray] = {}
+    gripper = model.gripper
+    placed = {}
+    for link in urdf.hulls:
+        frame, T, slide, finger = 0, np.eye(4), np.zeros(3), False
+        for joint in urdf.joint_path(link):
+            T = T @ to_matrix(joint.T_parent_joint)
+            if joint.name in model.joint_names:
+                align = _align_z(joint.axis)
+                index = model.joint_names.index(joint.name)
+                if index != frame:
+                    raise InputError(
+                        f"robot '{model.name}': joint '{joint.name}' is number {frame + 1} on the chain to '{link}' "
+                        f"but number {index + 1} in joint_names",
+                        Code.INVALID_SCENE,
+                    )
+                fixed[joint.name] = T @ align
+                frame, T = index + 1, np.linalg.inv(align)
+            elif gripper and joint.name in gripper.joint_names:
+                slide = slide + T[:3, :3] @ joint.axis * gripper.per_joint
+        finger = bool(gripper and link in gripper.finger_links)
+        placed[link] = (frame, T, slide, finger)
+    missing = [name for name in model.joint_names if name not in fixed]
+    if missing:
+        raise InputError(f"robot '{model.name}': joints {missing} carry no link", Code.INVALID_SCENE)
+    return placed, [fixed[name] for name in model.joint_names]
+
+
+def _self_pairs(hulls: list[LinkHull], ignored) -> np.ndarray:
+    ignored = {frozenset(pair) for pair in ignored}
+    pairs = [
+        (i, j)
+        for (i, a), (j, b) in combinations(enumerate(hulls), 2)
+        if a.frame != b.frame and frozenset((a.link, b.link)) not in ignored
+    ]
+    return np.array(pairs, np.int64).reshape(-1, 2)
+
+
+def build_arm(model: RobotModel) -> Arm:
+    """Reads the model's URDF into an :class:`Arm`.
+
+    Raises:
+        InputError: the URDF does not have the joints or links that the model names.
+    """
+    urdf = load_urdf(model.urdf)
+    placed, fixed = _link_frames(urdf, model)
+    kinds = {j.name: j.kind for j in urdf.joints.values()}
+    hulls = []
+    for link, pieces in urdf.hulls.items():
+        frame, T, slide, finger = placed[link]
+        for points, radius in pieces:
+            tolerance = FINGER_TOLERANCE if finger else LINK_TOLERANCE
+            vertices, extra = simplify_hull(points, tolerance) if len(points) > 2 else (points, 0.0)
+            vertices = np.ascontiguousarray(vertices @ T[:3, :3].T + T[:3, 3])
+            hulls.append(LinkHull(link, frame, vertices, radius + extra, slide, finger))
+    frame, T_tip_link, _, _ = placed[model.end_effector_link]
+    if frame != len(fixed):
+        raise InputError(
+            f"robot '{model.name}': end_effector_link '{model.end_effector_link}' does not follow the last joint",
+            Code.INVALID_SCENE,
+        )
+    return Arm(
+        model,
+        np.ascontiguousarray([T[:3, :3] for T in fixed]),
+        np.ascontiguousarray([T[:3, 3] for T in fixed]),
+        np.array([kinds[name] == "prismatic" for name in model.joint_names], np.int64),
+        T_tip_link @ to_matrix(model.T_link_ee),
+        tuple(hulls),
+        _self_pairs(hulls, model.ignored_collisions),
+        np.arange(len(fixed), dtype=np.int64),
+    )
+
+
+_ARMS: dict[tuple, Arm] = {}
+
+
+def load_arm(model: RobotModel) -> Arm:
+    """The arm of a model; built once per (name, URDF file, joints, ignored pairs)."""
+    gripper = model.gripper
+    key = (model.name, model.urdf, model.joint_names, model.ignored_collisions, model.end_effector_link)
+    key += (model.T_link_ee.tobytes(), gripper and (gripper.joint_names, gripper.per_joint, gripper.finger_links))
+    if key not in _ARMS:
+        _ARMS[key] = build_arm(model)
+    return _ARMS[key]

@@ -1,0 +1,99 @@
+"""Pose of a frame with a fixed offset, seen from another frame, against a target pose."""
+
+import math
+
+import numba as nb
+import numpy as np
+from numba import carray, cfunc
+
+from hmap_core.collision.gjk import OPTIONS
+from hmap_core.komo.features.base import KERNEL, Feature
+from hmap_core.kinematics.tree import point_jacobian
+from hmap_core.transforms import rotation_matrix
+
+
+@nb.njit(**OPTIONS)
+def _quaternion(m00, m01, m02, m10, m11, m12, m20, m21, m22):
+    """Unit quaternion xyzw, w >= 0, of a rotation matrix; the branch with the largest pivot."""
+    trace = m00 + m11 + m22
+    if trace > 0.0:
+        s = math.sqrt(trace + 1.0) * 2.0
+        x, y, z, w = (m21 - m12) / s, (m02 - m20) / s, (m10 - m01) / s, 0.25 * s
+    elif m00 > m11 and m00 > m22:
+        s = math.sqrt(1.0 + m00 - m11 - m22) * 2.0
+        x, y, z, w = 0.25 * s, (m01 + m10) / s, (m02 + m20) / s, (m21 - m12) / s
+    elif m11 > m22:
+        s = math.sqrt(1.0 + m11 - m00 - m22) * 2.0
+        x, y, z, w = (m01 + m10) / s, 0.25 * s, (m12 + m21) / s, (m02 - m20) / s
+    else:
+        s = math.sqrt(1.0 + m22 - m00 - m11) * 2.0
+        x, y, z, w = (m02 + m20) / s, (m12 + m21) / s, 0.25 * s, (m10 - m01) / s
+    sign = 1.0 if w >= 0.0 else -1.0
+    return sign * x, sign * y, sign * z, sign * w
+
+
+@cfunc(KERNEL, cache=True)
+def _kernel(n, R_, p_, first_, prismatic_, q_, frames_, params_, r_, J_):
+    R, p = carray(R_, (n + 1, 3, 3)), carray(p_, (n + 1, 3))
+    first, prismatic = carray(first_, n + 1), carray(prismatic_, n)
+    frames, params, r, J = carray(frames_, 2), carray(params_, 24), carray(r_, 6), carray(J_, (6, n))
+    a, b = frames[0], frames[1]
+    x0 = p[a, 0] + R[a, 0, 0] * params[0] + R[a, 0, 1] * params[1] + R[a, 0, 2] * params[2]
+    x1 = p[a, 1] + R[a, 1, 0] * params[0] + R[a, 1, 1] * params[1] + R[a, 1, 2] * params[2]
+    x2 = p[a, 2] + R[a, 2, 0] * params[0] + R[a, 2, 1] * params[1] + R[a, 2, 2] * params[2]
+    for i in range(3):
+        d0, d1, d2 = R[b, 0, i], R[b, 1, i], R[b, 2, i]
+        r[i] = d0 * (x0 - p[b, 0]) + d1 * (x1 - p[b, 1]) + d2 * (x2 - p[b, 2]) - params[12 + i]
+        point_jacobian(R, p, first, prismatic, a, x0, x1, x2, d0, d1, d2, 1.0, J[i])
+        point_jacobian(R, p, first, prismatic, b, x0, x1, x2, d0, d1, d2, -1.0, J[i])
+    # E = target^T R_b^T R_a offset; its quaternion's vector part, doubled, is the rotation error in the target frame
+    E = np.empty((3, 3))
+    D = np.empty((3, 3))  # target^T R_b^T: from world to the target's axes
+    for i in range(3):
+        for j in range(3):
+            D[i, j] = 0.0
+            for k in range(3):
+                D[i, j] += params[15 + 3 * k + i] * R[b, j, k]
+    for i in range(3):
+        for j in range(3):
+            E[i, j] = 0.0
+            for k in range(3):
+                m = R[a, k, 0] * params[3 + j] + R[a, k, 1] * params[6 + j] + R[a, k, 2] * params[9 + j]
+                E[i, j] += D[i, k] * m
+    x, y, z, w = _quaternion(E[0, 0], E[0, 1], E[0, 2], E[1, 0], E[1, 1], E[1, 2], E[2, 0], E[2, 1], E[2, 2])
+    r[3], r[4], r[5] = 2.0 * x, 2.0 * y, 2.0 * z
+    for side in range(2):
+        frame = a if side == 0 else b
+        sign = 1.0 if side == 0 else -1.0
+        for k in range(first[frame], frame):
+            if prismatic[k] == 1:
+                continue
+            z0, z1, z2 = R[k + 1, 0, 2], R[k + 1, 1, 2], R[k + 1, 2, 2]
+            o0 = sign * (D[0, 0] * z0 + D[0, 1] * z1 + D[0, 2] * z2)
+            o1 = sign * (D[1, 0] * z0 + D[1, 1] * z1 + D[1, 2] * z2)
+            o2 = sign * (D[2, 0] * z0 + D[2, 1] * z1 + D[2, 2] * z2)
+            # quaternion rate of a rotation velocity o given on the left: (w o + o x v) / 2
+            J[3, k] += w * o0 + o1 * z - o2 * y
+            J[4, k] += w * o1 + o2 * x - o0 * z
+            J[5, k] += w * o2 + o0 * y - o1 * x
+
+
+def pose_params(T_frame_offset: np.ndarray, T_reference_target: np.ndarray) -> np.ndarray:
+    """Parameters (24,) of the kernel from two poses (7,): the offset in the frame and the target in the reference."""
+    return np.concatenate(
+        [
+            T_frame_offset[:3],
+            rotation_matrix(T_frame_offset).reshape(-1),
+            T_reference_target[:3],
+            rotation_matrix(T_reference_target).reshape(-1),
+        ]
+    )
+
+
+def relative_pose(frame: int, T_frame_offset, T_reference_target, reference: int = 0) -> Feature:
+    """Pose error (6,): position in metres in the reference frame, then twice the vector part of the error quaternion.
+
+    The second half is the rotation vector for small errors (rad) and stays smooth up to half a turn.
+    """
+    params = pose_params(np.asarray(T_frame_offset, float), np.asarray(T_reference_target, float))
+    return Feature("relative_pose", _kernel.address, 6, (frame, reference), params, "m, rad")
