@@ -215,14 +215,18 @@ def _collision_entry(shape: Shape, mesh_file: Path) -> dict:
 
 
 def _visual_entry(shape: Shape, mesh_file: Path) -> dict:
-    """The same for what cameras see; PyBullet draws a capsule with four sides, so it is drawn as a mesh."""
-    if shape.kind is not ShapeKind.CAPSULE:
+    """The same for what cameras see: PyBullet draws round shapes with few faces, so they are drawn as fine meshes."""
+    if shape.kind not in _ROUND:
         return _collision_entry(shape, mesh_file)
-    radius, height = shape.size
-    capsule = trimesh.creation.capsule(height=height, radius=radius)
-    capsule.apply_translation(-capsule.bounds.mean(axis=0))
-    capsule.export(mesh_file)
-    return _collision_entry(Shape(ShapeKind.BOX, (0.0, 0.0, 0.0)), mesh_file) | {
-        "shapeTypes": pybullet.GEOM_MESH,
-        "fileNames": str(mesh_file),
-    }
+    mesh = _ROUND[shape.kind](*shape.size)
+    mesh.apply_translation(-mesh.bounds.mean(axis=0))
+    mesh.export(mesh_file)
+    blank = _collision_entry(Shape(ShapeKind.BOX, (0.0, 0.0, 0.0)), mesh_file)
+    return blank | {"shapeTypes": pybullet.GEOM_MESH, "fileNames": str(mesh_file)}
+
+
+_ROUND = {
+    ShapeKind.SPHERE: lambda r: trimesh.creation.icosphere(subdivisions=3, radius=r),
+    ShapeKind.CYLINDER: lambda r, h: trimesh.creation.cylinder(radius=r, height=h, sections=64),
+    ShapeKind.CAPSULE: lambda r, h: trimesh.creation.capsule(radius=r, height=h, count=(32, 32)),
+}

@@ -116,7 +116,7 @@ class SimulatedRobot:
             return 0.0, 0.0, 0.0
         states = self._client.getJointStates(self.id, self._fingers)
         per_joint = self.model.gripper.per_joint
-        position, velocity, effort = (np.mean([s[i] for s in states]) for i in (0, 1, 3))
+        position, velocity, effort = (sum(s[i] for s in states) / len(states) for i in (0, 1, 3))
         return float(position / per_joint), float(velocity / per_joint), float(effort)
 
     def end_effector_pose(self) -> np.ndarray:
