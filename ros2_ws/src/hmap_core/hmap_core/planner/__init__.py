@@ -1,0 +1,1 @@
+"""Algorithm 1: waypoints, contacts and motions put together into a plan."""

@@ -1,0 +1,94 @@
+"""What Algorithm 1 asks of the parts below it. Called in one process by ``hmap plan``, over services by the supervisor."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from hmap_core.contacts.camera import Cloud
+from hmap_core.types import ContactPoint, Goal, Scene, SceneState, Segment, Trajectory
+from hmap_core.waypoints import ObjectPath
+
+
+@dataclass(frozen=True)
+class RobotContact:
+    """A feasible contact of one robot.
+
+    Attributes:
+        reach: index of the farthest object pose, of those asked for, to which this contact can carry the object.
+        keyframes: (reach + 1, n) postures of the robot in contact at the object poses 0 .. reach.
+    """
+
+    robot: str
+    contact: ContactPoint
+    reach: int
+    keyframes: np.ndarray
+
+
+@dataclass(frozen=True)
+class SegmentMotion:
+    """One iteration of the inner loop: come, touch, carry, let go, retreat.
+
+    The trajectory starts at time 0 in the state it was asked for, ends at rest, and holds only the robot and the object
+    that move; the segments cover it without gaps.
+    """
+
+    trajectory: Trajectory
+    segments: tuple[Segment, ...]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What the planner is doing, for people.
+
+    Attributes:
+        phase: ``waypoints``, ``contacts``, ``motion``, ``checking``, ``done``.
+        waypoint, waypoints: i of I, along the object's path; 0 of 0 before there is one.
+        attempt: j, the try at this waypoint.
+    """
+
+    phase: str
+    waypoint: int = 0
+    waypoints: int = 0
+    attempt: int = 0
+    text: str = ""
+
+
+ProgressCallback = Callable[[Progress], None]
+
+
+class Backend(Protocol):
+    """The three phases of H-MaP. Each raises the HmapError of its stage, with the reason."""
+
+    def plan_waypoints(
+        self, scene: Scene, state: SceneState, object: str, goal: Goal, seed: int, time_limit: float
+    ) -> ObjectPath:
+        """Algorithm 2. Raises WaypointError or InputError."""
+        ...
+
+    def propose_contacts(
+        self,
+        scene: Scene,
+        state: SceneState,
+        object: str,
+        object_poses: np.ndarray,
+        robots: Sequence[str],
+        cloud: Cloud | None,
+        count: int,
+        seed: int,
+        time_limit: float,
+    ) -> list[RobotContact]:
+        """Algorithm 3: at most ``count`` contacts for carrying the object along object_poses (M, 7), farthest first.
+
+        ``cloud`` is what a camera has seen of the object (object frame), if anything. Raises ContactError when none is
+        feasible.
+        """
+        ...
+
+    def solve_segment(
+        self, scene: Scene, state: SceneState, object: str, contact: RobotContact, object_poses: np.ndarray, seed: int,
+        time_limit: float,
+    ) -> SegmentMotion:  # fmt: skip
+        """KOMO from the present state to the last of object_poses (K, 7) in this contact. Raises MotionError."""
+        ...
