@@ -41,7 +41,8 @@ def _read(value: Any, dimensions: Dimensions) -> np.ndarray:
 
 def _poses(value: Any, dimensions: Dimensions) -> np.ndarray:
     array = _read(value, dimensions)
-    norm = np.linalg.norm(array[..., 3:], axis=-1, keepdims=True)
+    with np.errstate(over="ignore"):  # an infinite norm is refused below
+        norm = np.linalg.norm(array[..., 3:], axis=-1, keepdims=True)
     if array.size and np.abs(norm - 1.0).max() > QUATERNION_TOLERANCE:
         worst = float(norm.flat[np.abs(norm - 1.0).argmax()])
         raise PydanticCustomError(

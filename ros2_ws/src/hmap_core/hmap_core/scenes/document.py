@@ -80,7 +80,7 @@ def read(path: Path) -> Document:
     if not isinstance(node, CommentedMap):
         raise InputError(f"{path}:1: the top level must be a mapping of keys to values", Code.INVALID_SCENE)
     document = Document(path, {})
-    document.data = _Converter(document).convert(node, (), ())
+    document.data = _Converter(document).convert(node, ())
     return document
 
 
@@ -98,6 +98,15 @@ def _shorten(value: Any) -> str:
     return text if len(text) <= MAX_SHOWN else text[: MAX_SHOWN - 3] + "..."
 
 
+def _encodable(text: str) -> bool:
+    """Whether a text is Unicode: escapes in a file can make halves of characters, which nothing can print."""
+    try:
+        text.encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 class _Converter:
     """Turns the parser's nodes into plain values, noting their lines."""
 
@@ -105,32 +114,30 @@ class _Converter:
         self._document = document
         self._nodes = 0
 
-    def convert(self, node: Any, location: Location, ancestors: tuple[int, ...]) -> Any:
+    def convert(self, node: Any, location: Location) -> Any:
         self._nodes += 1
         if self._nodes > MAX_NODES:
             raise self._document.error((), f"more than {MAX_NODES} values once its aliases are expanded")
-        if id(node) in ancestors:
-            raise self._document.error(location, "an alias that contains itself")
         if isinstance(node, CommentedMap):
-            return self._mapping(node, location, (*ancestors, id(node)))
+            return self._mapping(node, location)
         if isinstance(node, CommentedSeq):
-            return self._sequence(node, location, (*ancestors, id(node)))
+            return self._sequence(node, location)
         return self._scalar(node, location)
 
-    def _mapping(self, node: CommentedMap, location: Location, ancestors: tuple[int, ...]) -> dict:
+    def _mapping(self, node: CommentedMap, location: Location) -> dict:
         result = {}
         for key, value in node.items():
-            if not isinstance(key, str):
+            if not isinstance(key, str) or not _encodable(key):
                 raise self._document.error(location, f"the key {key!r} must be text")
             here = (*location, str(key))
             try:
                 self._document.lines[here] = node.lc.key(key)[0] + 1
             except (KeyError, AttributeError, TypeError):  # merged from another mapping: it has no line here
                 pass
-            result[str(key)] = self.convert(value, here, ancestors)
+            result[str(key)] = self.convert(value, here)
         return result
 
-    def _sequence(self, node: CommentedSeq, location: Location, ancestors: tuple[int, ...]) -> list:
+    def _sequence(self, node: CommentedSeq, location: Location) -> list:
         result = []
         for i, value in enumerate(node):
             here = (*location, i)
@@ -138,7 +145,7 @@ class _Converter:
                 self._document.lines[here] = node.lc.item(i)[0] + 1
             except (KeyError, AttributeError, TypeError):
                 pass
-            result.append(self.convert(value, here, ancestors))
+            result.append(self.convert(value, here))
         return result
 
     def _scalar(self, node: Any, location: Location) -> Any:
@@ -146,7 +153,9 @@ class _Converter:
             return bool(node)
         for plain, wrapped in ((float, ScalarFloat), (int, ScalarInt), (str, ScalarString)):
             if isinstance(node, wrapped):
-                return plain(node)
+                node = plain(node)
+        if isinstance(node, str) and not _encodable(node):
+            raise self._document.error(location, f"{node!r} is not Unicode text")
         if node is None or isinstance(node, bool | int | float | str):
             return node
         raise self._document.error(location, f"a value of the kind {type(node).__name__} has no meaning here")

@@ -71,6 +71,6 @@ def _evaluated(written: Any, detail: Mapping[str, Any], parameters: Mapping[str,
 def _code(detail: Mapping[str, Any]) -> Code:
     if detail["type"] == "invalid_pose":
         return Code.INVALID_POSE
-    if detail["type"] == "not_finite" and _POSE_KEYS.intersection(map(str, detail["loc"])):
+    if detail["type"] in ("not_finite", "vector") and _POSE_KEYS.intersection(map(str, detail["loc"])):
         return Code.INVALID_POSE
     return Code.INVALID_SCENE
