@@ -1,7 +1,7 @@
 """Plans built by hand for the tests of the judge: gantries whose hand is simply where its three joints say.
 
-The table's top is z = 0. A gantry's joints x, y, z are the world position of its end-effector frame; its two fingers close
-along y, and their tips are 1 cm below that frame.
+The table's top is z = 0. A gantry's joints x, y, z are the world position of its end-effector frame; its two fingers
+close along y, and their tips are 1 cm below that frame.
 """
 
 import copy
@@ -17,7 +17,8 @@ REST = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 VELOCITY, ACCELERATION = 3.0, 40.0  # m/s, m/s^2
 
 GANTRY = """<robot name="gantry">
-  <link name="base"><collision><origin xyz="0.6 0.6 0.5"/><geometry><box size="0.1 0.1 1"/></geometry></collision></link>
+  <link name="base"><collision>
+    <origin xyz="0.6 0.6 0.5"/><geometry><box size="0.1 0.1 1"/></geometry></collision></link>
   <link name="carriage_x"/>
   <link name="carriage_y"/>
   <link name="hand"><collision>
@@ -232,3 +233,25 @@ def tool_use(urdf: str) -> dict:
     board.move("transit", (0.0, 0.2, GRASP_Z), 0.4, opening=OPEN)
     board.move("transit", (0.0, 0.2, ABOVE), 1.0)
     return board.plan(urdf, goal("cube", (0.4, 0.2, SIDE / 2)))
+
+
+def kinds(report) -> set[str]:
+    """The kinds of violation in a report."""
+    return {str(violation.kind) for violation in report.violations}
+
+
+def worst(report, kind: str):
+    """The violation of a kind; fails when there is none."""
+    found = [violation for violation in report.violations if violation.kind == kind]
+    assert found, f"no {kind} in {kinds(report)}"
+    return max(found, key=lambda violation: violation.amount)
+
+
+def segment(plan: dict, kind: str) -> dict:
+    """The first segment of a kind."""
+    return next(entry for entry in plan["segments"] if entry["kind"] == kind)
+
+
+def sample(plan: dict, time: float) -> int:
+    """The index of the sample at a time."""
+    return round(time / DT)

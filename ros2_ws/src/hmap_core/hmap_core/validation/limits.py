@@ -38,7 +38,7 @@ OPPOSITE_NORMALS = math.radians(30.0)  # how far the contact normals of two fing
 # --- support ---
 SUPPORT_GAP = 1e-3  # m, between an object and what carries it
 STABLE_MARGIN = 1.5e-3  # m, how far inside its region of support the centre of mass must lie
-SUPPORT_CHECK_STEP = 0.01  # m, travel between two looks at the support of a pushed object
+SUPPORT_CHECK_STEP = 0.02  # m, travel between two looks at the support of a pushed object
 GRAVITY_SLIDE = 2e-3  # m, raising an object by this must free it from what only carries it
 
 # --- physics ---

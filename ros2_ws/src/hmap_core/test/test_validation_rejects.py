@@ -1,0 +1,439 @@
+"""Every rule of the judge, broken once, and called by its name."""
+
+import math
+
+import numpy as np
+import pytest
+import validation_fixtures as plans
+
+from hmap_core.validation import Kind, check
+
+
+@pytest.fixture(scope="module")
+def urdf(tmp_path_factory):
+    return plans.write_gantry(tmp_path_factory.mktemp("gantry"))
+
+
+@pytest.fixture
+def carry(urdf):
+    return plans.carry(urdf)
+
+
+def joints(plan: dict, robot: str = "gantry") -> list:
+    return plan["trajectory"]["joints"][robot]
+
+
+def turned(pose: list, degrees: float) -> list:
+    """A pose turned about the vertical, in place, from upright."""
+    half = math.radians(degrees) / 2
+    return [*pose[:3], 0.0, 0.0, math.sin(half), math.cos(half)]
+
+
+# --- joints ---
+
+
+def test_joint_limit(carry):
+    carry["robots"]["gantry"]["position_limits"][1][0] = 0.15
+    found = plans.worst(check(carry), Kind.JOINT_LIMIT)
+    assert found.bodies == ("gantry", "x")
+    assert (found.amount, found.limit) == (pytest.approx(0.2), 0.15)
+
+
+def test_joint_limit_of_a_finger(carry):
+    carry["trajectory"]["gripper"]["gantry"] = [o + 0.01 for o in carry["trajectory"]["gripper"]["gantry"]]
+    assert plans.worst(check(carry), Kind.JOINT_LIMIT).bodies[1].startswith("finger_")
+
+
+def test_velocity_limit(carry):
+    carry["robots"]["gantry"]["velocity_limits"][0] = 0.4  # the quintic's peak is 1.875 * 0.2 / 0.8 m/s
+    report = check(carry)
+    assert plans.kinds(report) == {"velocity_limit"}
+    assert plans.worst(report, Kind.VELOCITY_LIMIT).amount == pytest.approx(0.469, abs=2e-3)
+
+
+def test_acceleration_limit(carry):
+    carry["robots"]["gantry"]["acceleration_limits"][0] = 1.7  # the quintic's peak is 5.77 * 0.2 / 0.8^2 m/s^2
+    report = check(carry)
+    assert plans.kinds(report) == {"acceleration_limit"}
+    assert plans.worst(report, Kind.ACCELERATION_LIMIT).amount == pytest.approx(1.80, abs=0.02)
+
+
+@pytest.mark.parametrize("end", [0, -1])
+def test_not_at_rest(carry, end):
+    inward = 1 if end == 0 else -1
+    path = joints(carry)
+    for i in range(12):  # 0.4 m/s where the plan should stand still, gone before the hand is at anything
+        path[end + inward * i][2] = path[end][2] - 0.4 * plans.DT * i * (i < 10) - 0.072 * (i >= 10)
+    found = plans.worst(check(carry), Kind.NOT_AT_REST)
+    assert found.bodies == ("gantry", "z")
+    assert found.amount == pytest.approx(0.4, rel=1e-3)
+    assert found.time == carry["trajectory"]["time"][end]
+
+
+def test_jump_of_a_joint(carry):
+    k = plans.sample(carry, 0.5)
+    for q in joints(carry)[: k + 1]:
+        q[1] -= 0.3
+    carry["robots"]["gantry"]["q_start"][1] -= 0.3
+    found = plans.worst(check(carry), Kind.JUMP)
+    assert found.bodies == ("gantry", "y")
+    assert found.time == pytest.approx(0.5)
+
+
+def test_jump_of_an_object(carry):
+    k = plans.sample(carry, 1.8)
+    for pose in carry["trajectory"]["objects"]["cube"][k:]:
+        pose[1] += 0.05
+    found = plans.worst(check(carry), Kind.JUMP)
+    assert found.bodies == ("cube",)
+    assert found.limit == pytest.approx(0.04)
+
+
+def test_jump_of_an_object_by_rotation(carry):
+    poses = carry["trajectory"]["objects"]["cube"]
+    for k in range(plans.sample(carry, 1.8), len(poses)):
+        poses[k] = turned(poses[k], 90.0)
+    assert plans.worst(check(carry), Kind.JUMP).bodies == ("cube",)
+
+
+# --- start and goal ---
+
+
+def test_wrong_start_of_a_robot(carry):
+    carry["robots"]["gantry"]["q_start"][2] += 0.01
+    report = check(carry)
+    assert plans.kinds(report) == {"start_mismatch"}
+    assert plans.worst(report, Kind.START_MISMATCH).bodies == ("gantry", "z")
+
+
+@pytest.mark.parametrize("change", [lambda p: [p[0] + 0.001, *p[1:]], lambda p: turned(p, 0.1)])
+def test_wrong_start_of_an_object(carry, change):
+    cube = carry["scene"]["bodies"][1]
+    cube["pose"] = change(cube["pose"])
+    assert plans.worst(check(carry), Kind.START_MISMATCH).bodies == ("cube",)
+
+
+def test_goal_missed(carry):
+    carry["goal"]["pose"][1] += 0.006
+    report = check(carry)
+    assert plans.kinds(report) == {"goal_missed"}
+    assert report.goal_error["position_m"] == pytest.approx(0.006)
+
+
+def test_goal_missed_by_rotation(carry):
+    carry["goal"]["pose"] = turned(carry["goal"]["pose"], 3.0)
+    report = check(carry)
+    assert plans.kinds(report) == {"goal_missed"}
+    assert plans.worst(report, Kind.GOAL_MISSED).amount == pytest.approx(3.0, abs=1e-6)
+
+
+# --- penetration ---
+
+
+def fast_flight(urdf, extra=(), others=None) -> dict:
+    """The gantry dashes 1 m along x, 37 mm a step at its fastest, and leaves the cube alone."""
+    bodies = [plans.table(), plans.box("cube", (0.06,) * 3, (0.0, 0.5, 0.03)), *extra]
+    board = plans.Storyboard((-0.5, 0.0, 0.3), 0.0, bodies)
+    board.move("transit", (0.5, 0.0, 0.3), 1.0)
+    return board.plan(urdf, plans.goal("cube", (0.0, 0.5, 0.03)), others=others)
+
+
+def test_wall_crossed_strictly_between_two_samples(urdf):
+    x = np.array(joints(fast_flight(urdf)))[:, 0]
+    k = int(np.argmax(np.diff(x)))
+    middle = (x[k] + x[k + 1]) / 2
+    # only the fingers (2 cm deep, 2.9 cm high) reach down to the wall, a sheet 4 mm thick
+    wall = plans.box("wall", (0.004, 0.5, 0.1), (middle, 0.0, 0.25), "fixed")
+    gap = np.abs(x - middle) - 0.01 - 0.002
+    assert gap.min() > 0.005  # clear at every sample
+    report = check(fast_flight(urdf, extra=(wall,)))
+    assert plans.kinds(report) == {"penetration"}
+    found = plans.worst(report, Kind.PENETRATION)
+    assert "wall" in found.bodies
+    assert x[k] < np.interp(found.time, plans.DT * np.arange(len(x)), x) < x[k + 1]
+    assert found.amount > 0.008
+
+
+def test_the_same_flight_over_a_lower_wall_is_fine(urdf):
+    wall = plans.box("wall", (0.004, 0.5, 0.1), (0.0, 0.0, 0.2), "fixed")
+    report = check(fast_flight(urdf, extra=(wall,)))
+    assert report.valid
+    assert report.min_clearance_m == pytest.approx(0.04, abs=1e-6)
+
+
+def test_penetration_of_a_carried_object(urdf):
+    block = plans.box("block", (0.02, 0.02, 0.075), (0.1, 0.0, 0.0375), "fixed")  # 5 mm higher than the cube flies
+    found = plans.worst(check(plans.carry(urdf, extra=(block,))), Kind.PENETRATION)
+    assert set(found.bodies) == {"cube", "block"}
+    assert found.amount == pytest.approx(0.005, abs=1e-6)
+
+
+@pytest.mark.parametrize(("depth", "valid"), [(0.0009, True), (0.0011, False)])
+def test_penetration_limit_is_one_millimetre(urdf, depth, valid):
+    block = plans.box("block", (0.02, 0.02, 0.07 + depth), (0.1, 0.0, 0.035 + depth / 2), "fixed")
+    assert check(plans.carry(urdf, extra=(block,))).valid is valid
+
+
+def test_start_inside_a_wall(urdf):
+    wall = plans.box("wall", (0.02, 0.1, 0.1), (0.0, 0.525, 0.05), "fixed")
+    found = plans.worst(check(fast_flight(urdf, extra=(wall,))), Kind.PENETRATION)
+    assert set(found.bodies) == {"cube", "wall"}
+    assert found.time == 0.0
+
+
+def test_self_collision(urdf):
+    bodies = [plans.table(), plans.box("cube", (0.06,) * 3, (0.0, -0.5, 0.03))]
+    board = plans.Storyboard((0.3, 0.6, 0.3), 0.0, bodies)
+    board.move("transit", (0.56, 0.6, 0.3), 1.0)  # the fingers run into the gantry's own post at x = 0.55
+    found = plans.worst(check(board.plan(urdf, plans.goal("cube", (0.0, -0.5, 0.03)))), Kind.PENETRATION)
+    assert found.bodies[0].startswith("gantry/") and found.bodies[1].startswith("gantry/")
+
+
+def test_robot_robot_collision(urdf):
+    report = check(fast_flight(urdf, others={"other": (0.4, 0.0, 0.35)}))
+    robots = {body.split("/")[0] for body in plans.worst(report, Kind.PENETRATION).bodies}
+    assert robots == {"gantry", "other"}
+
+
+def test_robots_that_stay_apart_are_fine(urdf):
+    plan = fast_flight(urdf, others={"other": (0.4, -0.3, 0.35)})
+    plan["robots"]["other"]["base_pose"] = plans.pose(0.0, -0.5, 0.0)
+    plan["robots"]["other"]["q_start"] = [0.4, 0.2, 0.35]
+    plan["trajectory"]["joints"]["other"] = [[0.4, 0.2, 0.35]] * len(plan["trajectory"]["time"])
+    assert check(plan).valid
+
+
+def test_fingers_inside_the_object(urdf):
+    plan = plans.touch(urdf)
+    for q in joints(plan):  # everything 3 mm lower
+        q[2] -= 0.003
+    plan["robots"]["gantry"]["q_start"][2] -= 0.003
+    for entry in plan["segments"]:
+        if entry["contact_pose"]:
+            entry["contact_pose"][2] -= 0.003
+    report = check(plan)
+    assert plans.kinds(report) == {"penetration"}
+    found = plans.worst(report, Kind.PENETRATION)
+    assert "cube" in found.bodies and found.amount == pytest.approx(0.003, abs=1e-6)
+
+
+def test_gripper_closed_into_the_object(carry):
+    openings = carry["trajectory"]["gripper"]["gantry"]
+    carry["trajectory"]["gripper"]["gantry"] = [o - 0.006 if o < 0.0601 else o for o in openings]
+    assert "penetration" in plans.kinds(check(carry))
+
+
+# --- contacts ---
+
+
+def test_object_moves_untouched(carry):
+    poses = carry["trajectory"]["objects"]["cube"]
+    first = plans.sample(carry, 4.0)
+    for k in range(first, len(poses)):
+        poses[k][1] += 0.001 * min(1.0, (k - first) / 20)
+    report = check(carry)
+    assert plans.kinds(report) == {"untouched_motion"}
+    assert plans.worst(report, Kind.UNTOUCHED_MOTION).amount == pytest.approx(0.001, abs=1e-6)
+
+
+def test_slow_drift_of_an_untouched_object_adds_up(carry):
+    poses = carry["trajectory"]["objects"]["cube"]
+    first = plans.sample(carry, 3.8)
+    for k in range(first, len(poses)):  # 4 micrometres a step
+        poses[k][1] += 4e-6 * (k - first)
+    assert "untouched_motion" in plans.kinds(check(carry))
+
+
+def test_untouched_rotation(carry):
+    poses = carry["trajectory"]["objects"]["cube"]
+    first = plans.sample(carry, 4.0)
+    for k in range(first, len(poses)):
+        poses[k] = turned(poses[k], 0.5 * min(1.0, (k - first) / 20))
+    assert "untouched_motion" in plans.kinds(check(carry))
+
+
+def test_motion_in_a_segment_whose_fingers_are_away(carry):
+    carry["trajectory"]["gripper"]["gantry"] = [plans.OPEN] * len(carry["trajectory"]["time"])
+    found = plans.kinds(check(carry))
+    assert {"untouched_motion", "contact_missing"} <= found
+
+
+def test_contact_missing_on_one_finger_of_a_grasp(carry):
+    shift = 0.004  # the hand off the cube's middle, and the gripper 8 mm wider: one finger touches
+    for q in joints(carry):
+        q[1] += shift
+    carry["robots"]["gantry"]["q_start"][1] += shift
+    carry["trajectory"]["gripper"]["gantry"] = [max(o, 0.068) for o in carry["trajectory"]["gripper"]["gantry"]]
+    for entry in carry["segments"]:
+        if entry["contact_pose"]:
+            entry["contact_pose"][1] += shift
+    found = plans.worst(check(carry), Kind.CONTACT_MISSING)
+    assert found.amount == pytest.approx(0.008, abs=1e-6)
+
+
+def test_contact_missing_for_a_touch(urdf):
+    plan = plans.touch(urdf)
+    for q in joints(plan):
+        q[2] += 0.002
+    plan["robots"]["gantry"]["q_start"][2] += 0.002
+    for entry in plan["segments"]:
+        if entry["contact_pose"]:
+            entry["contact_pose"][2] += 0.002
+    found = plans.worst(check(plan), Kind.CONTACT_MISSING)
+    assert found.amount == pytest.approx(0.002, abs=1e-6)
+    assert found.bodies == ("gantry/hand", "cube")
+
+
+def test_wrong_contact_pose(carry):
+    for entry in carry["segments"]:
+        if entry["contact_pose"]:
+            entry["contact_pose"][0] += 0.002
+    report = check(carry)
+    assert plans.kinds(report) == {"wrong_contact_pose"}
+    assert plans.worst(report, Kind.WRONG_CONTACT_POSE).amount == pytest.approx(0.002)
+
+
+def test_slipping_contact(carry):
+    poses = carry["trajectory"]["objects"]["cube"]
+    first, last = plans.sample(carry, 2.1), plans.sample(carry, 2.7)
+    for k in range(first, len(poses)):  # falls back by 3 mm along the fingers while it is carried
+        poses[k][0] -= 0.003 * min(1.0, (k - first) / (last - first))
+    report = check(carry)
+    assert "slip" in plans.kinds(report)
+    found = plans.worst(report, Kind.SLIP)
+    assert found.bodies == ("gantry/hand", "cube")
+    assert found.amount == pytest.approx(0.003, abs=1e-6)
+
+
+def test_slip_by_rotation(carry):
+    poses = carry["trajectory"]["objects"]["cube"]
+    first, last = plans.sample(carry, 2.1), plans.sample(carry, 2.7)
+    for k in range(first, len(poses)):
+        poses[k] = turned(poses[k], 0.7 * min(1.0, (k - first) / (last - first)))
+    found = plans.worst(check(carry), Kind.SLIP)
+    assert (found.amount, found.limit) == (pytest.approx(0.7, abs=1e-3), pytest.approx(0.5))
+
+
+def test_slip_of_a_held_tool(urdf):
+    plan = plans.tool_use(urdf)
+    entry = plans.segment(plan, "touch")
+    first, last = plans.sample(plan, entry["start"]), plans.sample(plan, entry["end"])
+    for name in ("stick", "cube"):  # the tool and what it carries lag behind the hand together
+        for k in range(first, len(plan["trajectory"]["time"])):
+            plan["trajectory"]["objects"][name][k][0] += 0.002 * min(1.0, (k - first) / (last - first))
+    assert plans.worst(check(plan), Kind.SLIP).bodies == ("gantry/hand", "stick")
+
+
+def test_grasp_not_opposed(urdf):
+    # both fingertips stand on the cube's top: near enough, but pressing from the same side
+    plan = plans.touch(urdf)
+    plan["trajectory"]["gripper"]["gantry"] = [0.02] * len(plan["trajectory"]["time"])
+    for entry in plan["segments"]:
+        entry["kind"] = "grasp" if entry["kind"] == "touch" else entry["kind"]
+    report = check(plan)
+    assert plans.kinds(report) == {"grasp_not_opposed"}
+    assert plans.worst(report, Kind.GRASP_NOT_OPPOSED).amount == pytest.approx(180.0, abs=0.1)
+
+
+# --- support ---
+
+
+def drop_at(urdf, at, extra=()) -> dict:
+    """The cube is grasped, and let go with its centre at a place."""
+    bodies = [plans.table(), plans.box("cube", (0.06,) * 3, (0.0, 0.0, 0.03)), *extra]
+    board = plans.Storyboard((0.0, 0.0, 0.3), plans.OPEN, bodies)
+    board.move("transit", (0.0, 0.0, 0.03), 1.0)
+    board.move("transit", (0.0, 0.0, 0.03), 0.4, opening=0.06)
+    board.move("grasp", (0.0, 0.0, 0.2), 0.8, carries=("cube",))
+    board.move("grasp", (at[0], at[1], 0.2), 1.2, carries=("cube",))
+    board.move("grasp", at, 0.8, carries=("cube",))
+    board.move("transit", at, 0.4, opening=plans.OPEN)
+    board.move("transit", (at[0], at[1], 0.3), 1.0)
+    return board.plan(urdf, plans.goal("cube", at))
+
+
+def test_floating_object(urdf):
+    found = plans.worst(check(drop_at(urdf, (0.2, 0.0, 0.05))), Kind.UNSUPPORTED)
+    assert found.bodies == ("cube",)
+    assert found.amount == pytest.approx(0.02, abs=1e-6)
+
+
+@pytest.mark.parametrize(("over", "valid"), [(-0.005, True), (0.005, False)])
+def test_object_over_an_edge(urdf, over, valid):
+    shelf = plans.box("shelf", (0.2, 0.2, 0.08), (0.4, 0.0, 0.04), "fixed")
+    report = check(drop_at(urdf, (0.3 - over, 0.0, 0.11), extra=(shelf,)))
+    assert report.valid is valid
+    if not valid:
+        assert set(plans.worst(report, Kind.UNSUPPORTED).bodies) == {"cube", "shelf"}
+
+
+def test_object_bridging_two_supports(urdf):
+    rails = [plans.box(f"rail{i}", (0.01, 0.2, 0.05), (x, 0.0, 0.025), "fixed") for i, x in enumerate((0.28, 0.32))]
+    assert check(drop_at(urdf, (0.3, 0.0, 0.08), extra=rails)).valid
+
+
+def test_object_clamped_beside_a_wall_is_not_carried_by_it(urdf):
+    wall = plans.box("wall", (0.02, 0.1, 0.3), (0.3405, 0.0, 0.15), "fixed")  # 0.5 mm beside the cube
+    assert "unsupported" in plans.kinds(check(drop_at(urdf, (0.3, 0.0, 0.1), extra=(wall,))))
+
+
+def test_support_taken_away(urdf):
+    bodies = [
+        plans.table(),
+        plans.box("low", (0.06,) * 3, (0.0, 0.0, 0.03)),
+        plans.box("high", (0.06,) * 3, (0.0, 0.0, 0.09)),
+    ]
+    board = plans.Storyboard((-0.04, 0.0, 0.3), 0.0, bodies)
+    board.move("transit", (-0.3, 0.0, 0.3), 1.0)
+    board.move("transit", (-0.3, 0.0, 0.03), 1.0)
+    board.move("transit", (-0.04, 0.0, 0.03), 1.0)
+    board.move("touch", (0.2, 0.0, 0.03), 1.0, carries=("low",))
+    found = plans.worst(check(board.plan(urdf, plans.goal("low", (0.24, 0.0, 0.03)))), Kind.UNSUPPORTED)
+    assert found.bodies == ("high",)
+    assert found.time == pytest.approx(4.0)
+
+
+def test_push_over_the_edge_of_the_table(urdf):
+    found = plans.worst(check(plans.push(urdf, to=(0.2, 0.0), table_end=0.15)), Kind.UNSUPPORTED)
+    assert "cube" in found.bodies
+    assert check(plans.push(urdf, to=(0.1, 0.0), table_end=0.15)).valid
+
+
+# --- physics ---
+
+
+def test_one_sided_touch_is_not_physical(urdf):
+    plan = plans.touch(urdf)
+    plan["mode"] = "physical"
+    assert plans.kinds(check(plan)) == {"not_physical"}
+
+
+def test_grasp_width(carry):
+    carry["robots"]["gantry"]["gripper"]["max_opening"] = 0.055
+    report = check(carry)
+    assert plans.kinds(report) == {"grasp_width"}
+    found = plans.worst(report, Kind.GRASP_WIDTH)
+    assert (found.amount, found.limit) == (pytest.approx(0.06), 0.055)
+
+
+@pytest.mark.parametrize(
+    ("to", "friction", "valid"),
+    [
+        ((0.1, 0.0), 0.5, True),  # straight ahead
+        ((0.1, 0.03), 0.5, True),  # 17 degrees aside, cone of 27
+        ((0.1, 0.03), 0.1, False),  # the same on ice
+        ((0.05, 0.1), 0.5, False),  # 63 degrees aside
+        ((-0.1, 0.0), 0.5, False),  # a push cannot pull
+    ],
+)
+def test_friction_cone(urdf, to, friction, valid):
+    report = check(plans.push(urdf, to=to, friction=friction))
+    assert report.valid is valid
+    if not valid:
+        assert plans.kinds(report) == {"friction_cone"}
+
+
+def test_every_kind_is_named_here():
+    text = open(__file__).read()
+    missing = [kind.name for kind in Kind if f"Kind.{kind.name}" not in text and f'"{kind}"' not in text]
+    assert not missing
