@@ -125,7 +125,7 @@ class ObjectChecker:
         return self.support is None or self.support.holds(T)
 
     def motion_free(self, T0: np.ndarray, T1: np.ndarray, extra: float = 0.0) -> bool:
-        """Whether the body may move from T0 to T1 (7,) keeping ``extra`` metres more than the margin to non-contacts."""
+        """Whether the body may move from T0 to T1 (7,), ``extra`` metres more than the margin off non-contacts."""
         self.checks += 1
         hit = np.array([-1, 0])
         more = np.where(self.contact, 0.0, extra) if extra else self._no_extra
@@ -167,7 +167,8 @@ def check_ends(problem: ObjectPathProblem, geometry: Geometry) -> None:
         if deep:
             what = ", ".join(f"'{n}' by {1e3 * d:.1f} mm" for n, d in sorted(deep.items(), key=lambda i: -i[1]))
             raise InputError(
-                f"'{problem.body.name}' penetrates {what} at its {name}; at most {1e3 * PENETRATION_ALLOWED:g} mm is allowed",
+                f"'{problem.body.name}' penetrates {what} at its {name}; "
+                f"at most {1e3 * PENETRATION_ALLOWED:g} mm is allowed",
                 code,
             )
 

@@ -147,7 +147,7 @@ def _box_gap(center, radius, lower, upper):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def distances(T, VA, sA, radA, cA, bA, VB, sB, radB, lower, upper, cap, out):
-    """Signed distance of the moving body at pose T (7,) from every obstacle shape, in ``out`` (SB,), at most ``cap``."""
+    """Signed distance of the body at pose T (7,) from every obstacle shape, in ``out`` (SB,), at most ``cap``."""
     R = np.empty((3, 3))
     _rotation(T[3:], R)
     p = T[:3].copy()
@@ -204,9 +204,9 @@ def blocking(T, VA, sA, radA, cA, bA, VB, sB, radB, lower, upper, required, extr
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _pair_free(V, rad, R0, p0, dp, axis, angle, arm, W, radW, need, eye, zero, R, p, witness, stack,
-               exact):  # fmt: skip
-    """Parameter in [0, 1] up to which the motion of one pair is free (1: all of it); only "less than 1" unless exact."""
+def _pair_free(V, rad, R0, p0, dp, axis, angle, arm, W, radW, need, eye, zero, R, p, witness, stack, exact
+):  # fmt: skip
+    """Parameter in [0, 1] up to which one pair's motion is free (1: all of it); only "less than 1" unless exact."""
     speed = np.sqrt(dp[0] ** 2 + dp[1] ** 2 + dp[2] ** 2) + angle * arm
     top = 1
     stack[0, 0], stack[0, 1] = 0.0, 1.0
@@ -277,8 +277,8 @@ def free_until(T0, T1, VA, sA, radA, cA, bA, VB, sB, radB, lower, upper, require
             if _box_gap(center, reach, lower[j], upper[j]) >= need:
                 continue
             t = _pair_free(
-                V, radA[i], R0, p0, dp, axis, angle, arm, VB[sB[j] : sB[j + 1]], radB[j], need, eye, zero, R, p, witness,
-                stack, hit[1] != 0,
+                V, radA[i], R0, p0, dp, axis, angle, arm, VB[sB[j] : sB[j + 1]], radB[j], need, eye, zero, R, p,
+                witness, stack, hit[1] != 0,
             )  # fmt: skip
             if t < best:
                 best = t

@@ -62,8 +62,8 @@ QUATERNION_TOLERANCE = 1e-4
 class ObjectPath:
     """A way for the object: dense poses, and where it changes direction.
 
-    Between two successive poses the body moves as :func:`hmap_core.transforms.interpolate` says; exactly this motion was
-    checked. Quaternions do not change sign along the path.
+    Between two successive poses the body moves as :func:`hmap_core.transforms.interpolate` says; exactly this motion
+    was checked. Quaternions do not change sign along the path.
     """
 
     poses: np.ndarray  # (M, 7) T_world_obj, first the start, last the goal

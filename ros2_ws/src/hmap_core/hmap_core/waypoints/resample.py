@@ -15,7 +15,7 @@ _STILL = 1e-6
 
 
 def resample(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Dense poses (M, 7) along straight motions between corners (n, 7), and the index (n,) of each corner among them."""
+    """Dense poses (M, 7) along straight motions between corners (n, 7), and each corner's index (n,) among them."""
     poses, where = [corners[0]], [0]
     for a, b in zip(corners[:-1], corners[1:], strict=True):
         d, angle = distance(a, b)
@@ -37,7 +37,7 @@ def consistent(poses: np.ndarray) -> np.ndarray:
 
 
 def direction(a: np.ndarray, b: np.ndarray, radius: float) -> np.ndarray:
-    """Unit vector (6,) of the motion from a to b: displacement, and rotation vector times ``radius``; zero when still."""
+    """Unit vector (6,) of the motion from a to b: displacement, rotation vector times ``radius``; zero when still."""
     q = quaternion_multiply(b[3:], a[3:] * [-1.0, -1.0, -1.0, 1.0])
     q = q if q[3] >= 0.0 else -q
     sine = np.linalg.norm(q[:3])

@@ -90,7 +90,7 @@ def _shortest(cost, previous):
 
 
 def direct_path(checker: ObjectChecker, start: np.ndarray, goal: np.ndarray, reach: float) -> np.ndarray | None:
-    """Poses (n, 7) of a free path along the small roadmap, or None; ``reach`` in metres limits the moves along an axis."""
+    """Poses (n, 7) of a free path on the small roadmap, or None; moves along an axis are at most ``reach`` m long."""
     if checker.motion_free(start, goal):
         return np.array([start, goal])
     nodes = _nodes(checker, start, goal, checker.radius, reach)

@@ -1,9 +1,9 @@
 """RRTConnect on the object alone (Kuffner & LaValle, ICRA 2000; here OMPL's), with exact compiled motion checks.
 
 OMPL draws its random numbers from generators that are seeded, when they are made, from one global sequence.
-``RNG.setSeed`` restarts that sequence (it warns that generators already in use keep their state); since every solve makes its own
-space, sampler and planner afterwards, seeding here makes each solve repeatable in any process. A lock keeps two threads
-from taking each other's numbers.
+``RNG.setSeed`` restarts that sequence (it warns that generators already in use keep their state); since every solve
+makes its own space, sampler and planner afterwards, seeding here makes each solve repeatable in any process. A lock
+keeps two threads from taking each other's numbers.
 """
 
 import threading

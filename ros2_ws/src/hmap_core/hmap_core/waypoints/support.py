@@ -33,6 +33,14 @@ def _face(hull: np.ndarray, radius: float, top: bool, height: float) -> np.ndarr
     return _polygon(hull[np.abs(z - height) <= FACE_TOLERANCE, :2])
 
 
+def feet(body: ConvexSet, R: np.ndarray) -> tuple[list[np.ndarray], float]:
+    """Polygons (n, 2) on which the body turned by R (3, 3) stands, and their height, relative to its origin."""
+    hulls = [(body.hull(k) @ R.T, body.radius[k]) for k in range(len(body))]
+    lowest = float(min(h[:, 2].min() - r for h, r in hulls))
+    faces = [_face(h, r, False, lowest) for h, r in hulls]
+    return [f for f in faces if len(f) >= 3], lowest
+
+
 def centre_of_mass(body: ConvexSet) -> np.ndarray:
     """Centroid (3,) in the body frame of shapes of the same density; overlaps count twice."""
     total, moment = 0.0, np.zeros(3)
@@ -55,7 +63,7 @@ def _centroid(hull: np.ndarray) -> tuple[np.ndarray, float]:
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _clip(subject, count, window, out, spare):
-    """Intersection of two convex counter-clockwise polygons (Sutherland & Hodgman 1974) in ``out``; returns its size."""
+    """Intersection of convex counter-clockwise polygons (Sutherland & Hodgman 1974) in ``out``; returns its size."""
     n = count
     for i in range(n):
         out[i] = subject[i]
@@ -170,12 +178,9 @@ class Support:
     def __init__(self, body: ConvexSet, shapes, carrying: np.ndarray, reference: np.ndarray):
         tops = [_face(h, r, True, h[:, 2].max() + r) for (h, r), c in zip(shapes.hulls, carrying, strict=True) if c]
         R = rotation_matrix(reference)
-        hulls = [(body.hull(k) @ R.T, body.radius[k]) for k in range(len(body))]
-        lowest = min(h[:, 2].min() - r for h, r in hulls)
-        feet = [_face(h, r, False, lowest) for h, r in hulls]
         self._reference = np.asarray(reference, float)
-        self._arm = float(max(np.linalg.norm(h[:, :2], axis=1).max() for h, _ in hulls))
-        self._data = ((R @ centre_of_mass(body))[:2].copy(), *_packed(feet), *_packed(tops))
+        self._arm = float(np.linalg.norm((body.vertices @ R.T)[:, :2], axis=1).max())
+        self._data = ((R @ centre_of_mass(body))[:2].copy(), *_packed(feet(body, R)[0]), *_packed(tops))
 
     def holds(self, T: np.ndarray) -> bool:
         """Whether the body stands stably at pose T (7,): its mass centre SUPPORT_MARGIN inside the contact polygon."""

@@ -1,0 +1,1 @@
+"""Algorithm 3: where and how an object may be touched."""

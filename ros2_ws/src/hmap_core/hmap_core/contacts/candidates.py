@@ -1,0 +1,125 @@
+"""Contacts as arrays: what the generators of touches, grasps and pushes have in common."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from hmap_core.types import ContactKind, ContactPoint, Gripper
+
+# palm to fingertip centre: a tall object ends below it, m
+PALM_CLEARANCE = 0.039
+# distance left between fingertip and surface where they touch, m
+CONTACT_GAP = 5e-5
+# vertices of the finger this near to the foremost one make the touching feature, m
+FEATURE = 5e-5
+# only the part of the feature this near to the end of the finger counts, m
+TIP_LENGTH = 0.01
+
+
+@dataclass(frozen=True)
+class Hand:
+    """What of the hand matters to a contact, in the end-effector frame (z approach, y closing).
+
+    Attributes:
+        tip: (V, 3) vertices of the convex hull of the closed fingers (opening 0), or of the held tool's end.
+        gripper: None for an arm without fingers or with a tool in them; it then cannot grasp.
+        palm_clearance: from the palm to the fingertip centre, m.
+    """
+
+    tip: np.ndarray
+    gripper: Gripper | None
+    palm_clearance: float = PALM_CLEARANCE
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What contacts are wanted for.
+
+    Attributes:
+        T_world_obj: (7,) where the object is.
+        T_world_next: (7,) where it is to go next; None when nothing is known of the motion.
+        robot_position: (3,) the robot's base, world frame; None: any.
+    """
+
+    T_world_obj: np.ndarray
+    T_world_next: np.ndarray | None = None
+    robot_position: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """N contacts, object frame: R (N, 3, 3) and origin (N, 3) are the pose of the end-effector frame."""
+
+    kind: ContactKind
+    R: np.ndarray
+    origin: np.ndarray
+    point: np.ndarray
+    normal: np.ndarray
+    opening: np.ndarray
+    approach: np.ndarray  # (N, 3) end-effector frame
+    score: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.score)
+
+    def contacts(self, chosen: np.ndarray) -> list[ContactPoint]:
+        """The chosen ones (indices) as contact points."""
+        quaternions = Rotation.from_matrix(self.R[chosen]).as_quat() if len(chosen) else []
+        return [
+            ContactPoint(
+                self.kind,
+                np.concatenate([self.origin[k], q]),
+                self.point[k].copy(),
+                self.normal[k].copy(),
+                float(self.opening[k]),
+                self.approach[k].copy(),
+                float(self.score[k]),
+            )
+            for k, q in zip(chosen, quaternions, strict=True)
+        ]
+
+
+def tangents(normals: np.ndarray, toward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit tangents (N, 3) of unit normals (N, 3); the first as near to the direction ``toward`` (3,) as can be."""
+    first = toward - normals * (normals @ toward)[:, None]
+    flat = np.linalg.norm(first, axis=1) < _FLAT
+    if flat.any():
+        other = np.eye(3)[np.abs(toward).argmin()]
+        first[flat] = other - normals[flat] * (normals[flat] @ other)[:, None]
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    return first, np.cross(normals, first)
+
+
+_FLAT = 1e-3
+
+
+def frames(z: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Rotation matrices (N, 3, 3) with columns x, z x x, z from perpendicular unit vectors (N, 3)."""
+    return np.stack([x, np.cross(z, x), z], axis=2)
+
+
+def on_surface(
+    R: np.ndarray, points: np.ndarray, normals: np.ndarray, tip: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Slide fingers along the normals until they touch the tangent planes.
+
+    Args:
+        R: (N, 3, 3) orientation of the end-effector frame.
+        points, normals: (N, 3) where to touch.
+        tip: (V, 3) the finger's vertices, end-effector frame.
+
+    Returns:
+        origin (N, 3) of the end-effector frame, for which the foremost vertices lie CONTACT_GAP above the plane with
+        their centre over the point; feature (N, V): which vertices those are.
+    """
+    inward = -np.einsum("nij,ni->nj", R, normals)  # -normal in the end-effector frame
+    ahead = inward @ tip.T
+    foremost = ahead.max(axis=1)
+    feature = ahead >= foremost[:, None] - FEATURE
+    height = np.where(feature, tip[:, 2], -np.inf)
+    feature &= height >= height.max(axis=1)[:, None] - TIP_LENGTH
+    centre = feature @ tip / feature.sum(axis=1)[:, None]
+    origin = points - np.einsum("nij,nj->ni", R, centre)
+    sunk = foremost - np.einsum("nj,nj->n", inward, centre)  # the foremost is this far ahead of the centre
+    return origin + normals * (sunk + CONTACT_GAP)[:, None], feature

@@ -1,0 +1,76 @@
+"""The object's point cloud from a real (or rendered) depth picture: the paper's getCameraView on hardware."""
+
+import numpy as np
+import open3d as o3d
+
+from hmap_core.contacts.camera import Cloud
+from hmap_core.exceptions import InputError
+from hmap_core.transforms import apply, inverse, multiply, rotation_matrix
+
+# one point is kept per cube of this edge, m
+VOXEL = 0.004
+# a point is an outlier when its mean distance to its neighbours is this many standard deviations above the mean
+OUTLIER_NEIGHBOURS = 16
+OUTLIER_DEVIATIONS = 2.0
+# normals are fitted to the neighbours in this radius, m
+NORMAL_RADIUS = 0.012
+NORMAL_NEIGHBOURS = 30
+# fewer points than this are no surface
+MIN_POINTS = 20
+
+
+def cloud_from_depth(
+    depth: np.ndarray, mask: np.ndarray, intrinsics: np.ndarray, T_world_optical: np.ndarray, T_world_obj: np.ndarray
+) -> Cloud:
+    """Point cloud with normals of the masked object, in the object frame.
+
+    Args:
+        depth: (H, W) metres along the optical axis; not finite or not positive where there is no reading.
+        mask: (H, W) true on the object.
+        intrinsics: (3, 3) pinhole matrix.
+        T_world_optical: (7,) optical frame (x right, y down, z forward).
+        T_world_obj: (7,) the object's pose when the picture was taken.
+
+    Returns:
+        Down-sampled to VOXEL, outliers removed, normals towards the camera; empty when too little is seen.
+
+    Raises:
+        InputError: shapes that do not fit together.
+    """
+    depth, mask = np.asarray(depth, float), np.asarray(mask, bool)
+    if depth.ndim != 2 or depth.shape != mask.shape or np.shape(intrinsics) != (3, 3):
+        raise InputError(
+            f"depth {depth.shape}, mask {mask.shape} and intrinsics {np.shape(intrinsics)} do not fit; "
+            "needed: (H, W), (H, W) and (3, 3)"
+        )
+    points = _back_projected(depth, mask, np.asarray(intrinsics, float))
+    if len(points) < MIN_POINTS:
+        return _empty()
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+    cloud = cloud.voxel_down_sample(VOXEL)
+    cloud, _ = cloud.remove_statistical_outlier(OUTLIER_NEIGHBOURS, OUTLIER_DEVIATIONS)
+    if len(cloud.points) < MIN_POINTS:
+        return _empty()
+    cloud.estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(NORMAL_RADIUS, NORMAL_NEIGHBOURS))
+    cloud.orient_normals_towards_camera_location(np.zeros(3))
+    T_obj_optical = multiply(inverse(T_world_obj), T_world_optical)
+    normals = np.asarray(cloud.normals) @ rotation_matrix(T_obj_optical).T
+    return Cloud(apply(T_obj_optical, np.asarray(cloud.points)), normals, np.ones(len(normals), bool))
+
+
+def merged(clouds: list[Cloud]) -> Cloud:
+    """One cloud of several cameras' clouds of the same object."""
+    if not clouds:
+        return _empty()
+    return Cloud(*(np.concatenate([getattr(c, f) for c in clouds]) for f in ("points", "normals", "seen")))
+
+
+def _back_projected(depth: np.ndarray, mask: np.ndarray, K: np.ndarray) -> np.ndarray:
+    """Points (N, 3) in the optical frame of the masked pixels that have a reading."""
+    v, u = np.nonzero(mask & np.isfinite(depth) & (depth > 0.0))
+    z = depth[v, u]
+    return np.c_[(u - K[0, 2]) * z / K[0, 0], (v - K[1, 2]) * z / K[1, 1], z]
+
+
+def _empty() -> Cloud:
+    return Cloud(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, bool))

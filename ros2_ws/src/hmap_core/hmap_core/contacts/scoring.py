@@ -1,0 +1,77 @@
+"""Which contacts are tried first. Scores only order the tries; they decide nothing."""
+
+import numpy as np
+
+from hmap_core.contacts.candidates import Candidates, Situation
+from hmap_core.transforms import apply, inverse, rotation_matrix
+
+# weights of the terms, each in [0, 1]
+W_CENTRAL = 1.0  # near the centre of mass
+W_ABOVE = 0.6  # the hand comes from above
+W_NEAR = 0.5  # on the side of the robot
+W_MOTION = 0.5  # pushes the way the object goes
+W_SEEN = 0.5  # seen by a camera
+W_STRAIGHT = 0.3  # the finger stands on the surface at a right angle
+# each further contact of the same sort (place, face, approach) counts this much less
+W_REPEATED = 0.15
+# size of a place, m
+PLACE = 0.03
+
+
+def central(points: np.ndarray, centre: np.ndarray, radius: float) -> np.ndarray:
+    """1 at the centre, 0 at the object's ``radius`` from it."""
+    return 1.0 - np.minimum(np.linalg.norm(points - centre, axis=1) / radius, 1.0)
+
+
+def above(R: np.ndarray, T_world_obj: np.ndarray) -> np.ndarray:
+    """1 when the hand points straight down, 0 when it points up."""
+    up = rotation_matrix(T_world_obj)[2]
+    return 0.5 - 0.5 * np.einsum("ni,i->n", R[:, :, 2], up)
+
+
+def near(points: np.ndarray, situation: Situation, radius: float) -> np.ndarray:
+    """1 on the side of the object towards the robot, 0 on the far side."""
+    if situation.robot_position is None:
+        return np.zeros(len(points))
+    base = apply(inverse(situation.T_world_obj), situation.robot_position)
+    toward = base / max(np.linalg.norm(base), radius)
+    return 0.5 + 0.5 * np.clip(points @ toward / radius, -1.0, 1.0)
+
+
+def along(normals: np.ndarray, situation: Situation) -> np.ndarray:
+    """1 when pressing on the surface pushes the object where it goes next, 0 when the opposite way."""
+    if situation.T_world_next is None:
+        return np.zeros(len(normals))
+    step = rotation_matrix(situation.T_world_obj).T @ (situation.T_world_next[:3] - situation.T_world_obj[:3])
+    size = np.linalg.norm(step)
+    return np.full(len(normals), 0.5) if size < 1e-9 else 0.5 - 0.5 * normals @ (step / size)
+
+
+def ordered(sets: list[Candidates]) -> tuple[np.ndarray, np.ndarray]:
+    """Set and index within it (N,) of all contacts, best first, those like earlier ones put back."""
+    score = np.concatenate([s.score for s in sets])
+    which = np.concatenate([np.full(len(s), k) for k, s in enumerate(sets)])
+    index = np.concatenate([np.arange(len(s)) for s in sets])
+    sort = np.concatenate([_sort(s) for s in sets]) * len(sets) + which
+    by_sort = np.lexsort((-score, sort))
+    groups = sort[by_sort]
+    first = np.flatnonzero(np.concatenate(([True], groups[1:] != groups[:-1])))
+    repeats = np.empty(len(score))
+    repeats[by_sort] = np.arange(len(score)) - np.repeat(first, np.diff(np.append(first, len(score))))
+    order = np.argsort(W_REPEATED * repeats - score, kind="stable")
+    return which[order], index[order]
+
+
+def _sort(s: Candidates) -> np.ndarray:
+    """One number (N,) for contacts at the same place, on the same face, with the hand from the same side."""
+    place = np.round(s.point / PLACE).astype(np.int64)
+    place -= place.min(axis=0)
+    extent = place.max(axis=0) + 1
+    cell = (place[:, 0] * extent[1] + place[:, 1]) * extent[2] + place[:, 2]
+    return (cell * 6 + _side(s.normal)) * 6 + _side(s.R[:, :, 2])
+
+
+def _side(vectors: np.ndarray) -> np.ndarray:
+    """Which of the six axis directions each vector is nearest to, (N,)."""
+    axis = np.abs(vectors).argmax(axis=1)
+    return 2 * axis + (np.take_along_axis(vectors, axis[:, None], axis=1)[:, 0] > 0.0)
