@@ -85,3 +85,41 @@ def test_the_same_plan_gets_the_same_report(urdf):
     plan = plans.carry(urdf)
     plan["goal"]["pose"][0] += 0.1
     assert check(plan).to_dict() == check(plan).to_dict()
+
+
+def test_a_plan_with_nothing_to_do_has_one_sample(urdf):
+    plan = plans.carry(urdf)
+    for group in ("joints", "gripper", "objects"):
+        for name, samples in plan["trajectory"][group].items():
+            plan["trajectory"][group][name] = samples[:1]
+    plan["trajectory"]["time"] = [0.0]
+    plan["segments"] = []
+    assert plans.kinds(check(plan)) == {"goal_missed"}
+    plan["goal"] = plans.goal("cube", (0.0, 0.0, 0.03))
+    assert check(plan).valid
+
+
+def test_segments_shorter_than_a_step_do_nothing(urdf):
+    plan = plans.carry(urdf)
+    entry = plans.segment(plan, "grasp")
+    plan["segments"].append(entry | {"end": entry["start"], "contact_pose": plans.pose(1.0, 1.0, 1.0)})
+    assert check(plan).valid
+
+
+def test_a_mesh_is_given_by_its_points(urdf):
+    plan = plans.carry(urdf)
+    corners = [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    cube = plan["scene"]["bodies"][1]
+    cube |= {"shape": "mesh", "size": [0.03, 0.03, 0.03], "mesh": "somewhere.stl", "vertices": corners}
+    assert check(plan).valid
+    cube["size"] = [0.03, 0.033, 0.03]
+    assert plans.kinds(check(plan)) == {"penetration"}
+
+
+def test_an_arm_without_gripper_touches_with_its_hand(urdf):
+    plan = plans.carry(urdf)
+    robot = plan["robots"]["gantry"]
+    robot["gripper"] = None
+    del plan["trajectory"]["gripper"]["gantry"]
+    # without a gripper the hand itself has to touch, and it is 1 cm above the cube
+    assert {"contact_missing", "untouched_motion"} <= plans.kinds(check(plan))

@@ -1,6 +1,6 @@
 """The plan file as arrays: reads the dict and refuses what cannot be judged (``docs/validation.md`` lists the keys)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,17 +15,22 @@ BODY_KINDS = ("fixed", "movable", "tool")
 CONTACT_KINDS = ("touch", "grasp", "push")
 SEGMENT_KINDS = ("transit", *CONTACT_KINDS)
 SIZES = {"box": 3, "cylinder": 2, "sphere": 1, "capsule": 2, "mesh": 3}
+STANDSTILL = 1.0  # s, for which a plan of a single sample, which has nothing to do, is judged
 IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
 class ShapeData:
-    """A convex shape at ``pose`` (7,) in its body's frame; sizes as in the plan file."""
+    """A convex shape at ``pose`` (7,) in its body's frame; sizes as in the plan file.
+
+    A mesh is given by the points (V, 3) of its hull before scaling, or by the URI of its file.
+    """
 
     kind: str
     size: tuple[float, ...]
     pose: np.ndarray
     mesh: str | None = None
+    vertices: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -64,6 +69,7 @@ class RobotData:
     T_link_ee: np.ndarray
     ignored_collisions: frozenset[frozenset[str]]
     gripper: GripperData | None
+    finger_friction: float  # infinite when the file does not say
 
 
 @dataclass(frozen=True)
@@ -117,9 +123,11 @@ def _shape(reader: Reader) -> ShapeData:
     values = Reader(numbers, size.where).array((SIZES[kind],))
     if not np.all(values > 0.0):
         size.fail("positive numbers are needed")
-    mesh = reader.get("mesh").text() if kind == "mesh" else None
+    given = reader.find("vertices") if kind == "mesh" else None
+    vertices = None if given is None else given.array((None, 3))
+    mesh = reader.get("mesh").text() if kind == "mesh" and vertices is None else None
     pose = reader.find("pose")
-    return ShapeData(kind, tuple(values.tolist()), IDENTITY if pose is None else pose.poses(), mesh)
+    return ShapeData(kind, tuple(values.tolist()), IDENTITY if pose is None else pose.poses(), mesh, vertices)
 
 
 def _body(reader: Reader) -> BodyData:
@@ -159,6 +167,8 @@ def _robot(name: str, reader: Reader) -> RobotData:
     n = len(joint_names)
     ignored = reader.find("ignored_collisions")
     pairs = [] if ignored is None else [pair.texts() for pair in ignored.elements()]
+    simulation = reader.find("simulation")
+    friction = None if simulation is None else simulation.find("finger_friction")
     return RobotData(
         name=name,
         urdf=reader.get("urdf").text(),
@@ -172,6 +182,7 @@ def _robot(name: str, reader: Reader) -> RobotData:
         T_link_ee=reader.get("T_link_ee").poses(),
         ignored_collisions=frozenset(frozenset(pair) for pair in pairs),
         gripper=_gripper(reader.find("gripper")),
+        finger_friction=np.inf if friction is None else friction.number("zero or more", _not_negative),
     )
 
 
@@ -187,12 +198,14 @@ def _goal(reader: Reader, bodies: dict[str, BodyData]) -> GoalData:
 
 def _times(reader: Reader) -> tuple[np.ndarray, float]:
     time = reader.array((None,))
-    if len(time) < 2:
-        raise unusable(f"{reader.where}: {len(time)} samples; at least 2 are needed")
+    if len(time) == 0:
+        raise unusable(f"{reader.where}: no samples; at least one is needed")
+    if len(time) == 1 and time[0] == 0.0:
+        return time, STANDSTILL
     back = np.diff(time) <= 0.0
     if back.any():
         raise unusable(f"{reader.where}: times must increase; sample {int(back.argmax()) + 1} does not")
-    dt = time[-1] / (len(time) - 1)
+    dt = time[-1] / max(len(time) - 1, 1)
     off = np.abs(time - dt * np.arange(len(time)))
     if off.max() > limits.TIME_UNIFORMITY * dt:
         k = int(off.argmax())
@@ -230,8 +243,8 @@ def _segment(reader: Reader, robots: dict, bodies: dict, dt: float, N: int) -> S
     kind = reader.get("kind").text(SEGMENT_KINDS)
     start, end = reader.get("start").number(), reader.get("end").number()
     first, last = round(start / dt), round(end / dt)
-    if not 0 <= first < last <= N - 1:
-        raise unusable(f"{reader.where}: from {start:g} to {end:g} s; a step or more within 0 to {(N - 1) * dt:g} s")
+    if not 0 <= first <= last <= N - 1:
+        raise unusable(f"{reader.where}: from {start:g} to {end:g} s; start before end, within 0 to {(N - 1) * dt:g} s")
     contact = kind in CONTACT_KINDS
     robot = reader.get("robot").text(tuple(robots))
     movable = tuple(name for name, body in bodies.items() if not body.fixed)
@@ -246,7 +259,8 @@ def _segment(reader: Reader, robots: dict, bodies: dict, dt: float, N: int) -> S
 
 
 def _segments(reader: Reader, robots: dict, bodies: dict, dt: float, N: int) -> tuple[SegmentData, ...]:
-    segments = sorted((_segment(e, robots, bodies, dt, N) for e in reader.elements()), key=lambda s: s.first)
+    given = [_segment(element, robots, bodies, dt, N) for element in reader.elements()]
+    segments = sorted((s for s in given if s.first < s.last), key=lambda s: s.first)  # a shorter one does nothing
     covered = 0
     busy: dict[str, int] = {}
     for segment in segments:
@@ -281,7 +295,7 @@ def read(plan: dict) -> Document:
     N = len(time)
     objects = _known(trajectory.get("objects").items(), bodies, "body")
     segments = _segments(top.get("segments"), robots, bodies, dt, N)
-    return Document(
+    document = Document(
         mode=mode,
         bodies=bodies,
         robots=robots,
@@ -293,4 +307,20 @@ def read(plan: dict) -> Document:
         objects={name: reader.poses((N,)) for name, reader in objects},
         segments=segments,
         contacts=tuple(s for s in segments if s.kind in CONTACT_KINDS),
+    )
+    return document if N > 1 else _held(document)
+
+
+def _held(document: Document) -> Document:
+    """A plan of one sample as one of two."""
+
+    def twice(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        return {name: np.repeat(array, 2, axis=0) for name, array in arrays.items()}
+
+    return replace(
+        document,
+        time=np.array([0.0, document.dt]),
+        joints=twice(document.joints),
+        gripper=twice(document.gripper),
+        objects=twice(document.objects),
     )

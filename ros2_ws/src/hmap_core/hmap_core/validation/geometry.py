@@ -124,6 +124,8 @@ def solid(kind: str, size: tuple[float, ...], mesh: str | None = None) -> Solid:
 
 def solid_of(shape: ShapeData) -> Solid:
     """The convex shape that a plan file describes."""
+    if shape.vertices is not None:
+        return hull(shape.vertices * np.asarray(shape.size), "mesh")
     return solid(shape.kind, shape.size, shape.mesh)
 
 

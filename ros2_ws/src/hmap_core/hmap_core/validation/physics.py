@@ -42,10 +42,11 @@ def _patches(contact: Contact) -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def _friction(contact: Contact) -> float:
-    """Lateral friction of the contact: the lower of the object's and the tool's; that of fingers is not in the file."""
+    """Lateral friction of the contact: the lower of the object's and the tool's or fingers'."""
     bodies = contact.world.document.bodies
-    names = [contact.object] + ([contact.segment.manipulator] if contact.by_tool else [])
-    return min(bodies[name].friction for name in names)
+    robot = contact.world.arms[contact.robot].data
+    pusher = bodies[contact.segment.manipulator].friction if contact.by_tool else robot.finger_friction
+    return min(bodies[contact.object].friction, pusher)
 
 
 def _edges(normal: np.ndarray, friction: float) -> list[np.ndarray]:
