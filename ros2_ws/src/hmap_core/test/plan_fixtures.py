@@ -2,13 +2,13 @@
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from simulation_fixtures import HOME, panda_model
 
 from hmap_core import transforms
 from hmap_core.execution.timing import time_parameterise
 from hmap_core.simulation.client import BulletClient
 from hmap_core.simulation.robots import SimulatedRobot
 from hmap_core.types import Plan, Robot, Scene, Segment, SegmentKind, Trajectory
-from simulation_fixtures import HOME, panda_model
 
 DT = 0.02
 DOWN = (1.0, 0.0, 0.0, 0.0)  # approach axis down, closing axis along y

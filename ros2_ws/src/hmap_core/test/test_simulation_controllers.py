@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from simulation_fixtures import panda_model
 
 from hmap_core.exceptions import InputError
 from hmap_core.execution.timing import time_parameterise
@@ -15,7 +16,6 @@ from hmap_core.simulation.controllers import (
     Tolerances,
     TrajectoryController,
 )
-from simulation_fixtures import panda_model
 
 NAMES = ("a", "b")
 ACCELERATION = np.array([4.0, 8.0])

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from simulation_fixtures import HOME, box, panda_model, scene, table
 
 from hmap_core import transforms
 from hmap_core.exceptions import Code, InputError
@@ -14,7 +15,6 @@ from hmap_core.simulation.camera import intrinsics
 from hmap_core.simulation.settings import GRAVITY, RobotSettings
 from hmap_core.simulation.world import SimulatedWorld
 from hmap_core.types import Body, BodyKind, Camera, Robot, SceneState, Shape, ShapeKind
-from simulation_fixtures import HOME, box, panda_model, scene, table
 
 DENSE = 200_000  # random points for volumes and moments
 

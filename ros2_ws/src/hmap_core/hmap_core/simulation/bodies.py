@@ -55,9 +55,7 @@ def create(client: BulletClient, body: Body, mesh_directory: Path) -> BodyHandle
         T_body_inertial[:3].tolist(),
         T_body_inertial[3:].tolist(),
     )
-    client.changeDynamics(
-        identifier, -1, lateralFriction=body.friction, spinningFriction=0.0, rollingFriction=0.0
-    )
+    client.changeDynamics(identifier, -1, lateralFriction=body.friction, spinningFriction=0.0, rollingFriction=0.0)
     if moments is not None:
         client.changeDynamics(identifier, -1, localInertiaDiagonal=moments.tolist())
     client.changeVisualShape(identifier, -1, rgbaColor=body.color or COLORS[body.kind])

@@ -37,9 +37,7 @@ class CameraImage:
 def intrinsics(camera: Camera) -> np.ndarray:
     """Pinhole matrix (3, 3) with square pixels; the centre of the first pixel is at (0, 0)."""
     focal = 0.5 * camera.height / np.tan(0.5 * camera.fov_y)
-    return np.array(
-        [[focal, 0.0, 0.5 * (camera.width - 1)], [0.0, focal, 0.5 * (camera.height - 1)], [0.0, 0.0, 1.0]]
-    )
+    return np.array([[focal, 0.0, 0.5 * (camera.width - 1)], [0.0, focal, 0.5 * (camera.height - 1)], [0.0, 0.0, 1.0]])
 
 
 def render(client: BulletClient, camera: Camera, instances: dict[int, tuple[int, str]]) -> CameraImage:

@@ -131,9 +131,7 @@ class SimulatedRobot:
     def _load(self) -> int:
         base = self.robot.base_pose
         try:
-            return self._client.loadURDF(
-                str(self.model.urdf), base[:3].tolist(), base[3:].tolist(), useFixedBase=True
-            )
+            return self._client.loadURDF(str(self.model.urdf), base[:3].tolist(), base[3:].tolist(), useFixedBase=True)
         except pybullet.error as error:
             raise InputError(f"robot '{self.robot.name}': PyBullet cannot load {self.model.urdf}: {error}") from error
 
