@@ -216,7 +216,7 @@ def test_a_concave_mesh_is_refused_unless_its_hull_is_meant(task, tmp_path: Path
     trimesh.creation.annulus(0.02, 0.05, 0.05).export(tmp_path / "ring.stl")
     trimesh.creation.icosphere(radius=0.05).export(tmp_path / "ball.stl")
     old = "shape: cylinder, size: [0.03, 0.02]"
-    with pytest.raises(InputError, match="concave.*convex parts.*convex_hull: true"):
+    with pytest.raises(InputError, match="concave or open.*convex parts.*convex_hull: true"):
         load_scene(task(old, "shape: mesh, mesh: ring.stl"))
     for mesh in ("mesh: ring.stl, convex_hull: true", "mesh: ball.stl, size: [1, 1, 0.5]"):
         shape = load_scene(task(old, f"shape: mesh, {mesh}")).bodies["puck"].shapes[0]
@@ -242,6 +242,8 @@ def test_a_decomposed_mesh_loads(task, tmp_path: Path) -> None:
     scene = load_scene(task("shape: cylinder, size: [0.03, 0.02]", f"parts: [{listed}]"))
     assert len(scene.bodies["puck"].shapes) == len(parts)
     (tmp_path / "text.stl").write_text("no mesh")
+    with pytest.raises(InputError, match="mesh = 'text.stl': .*not a mesh"):
+        load_scene(task("shape: cylinder, size: [0.03, 0.02]", "shape: mesh, mesh: text.stl"))
     with pytest.raises(InputError, match="not a mesh"):
         decompose(tmp_path / "text.stl")
 
@@ -292,3 +294,10 @@ def test_committed_json_schemas_are_current_and_accept_what_is_shipped(name: str
 
 def test_tasks_are_listed() -> None:
     assert {"tunnel", "published/tunnel"} <= set(list_tasks())
+
+
+def test_the_example_in_the_documentation_loads(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[4] / "docs" / "scenes.md").read_text(encoding="utf-8")
+    (tmp_path / "example.yaml").write_text(text.split("```yaml\n")[1].split("```")[0])
+    scene = load_scene(tmp_path / "example.yaml")
+    assert set(scene.bodies) == {"table", "wall", "puck", "crate", "pawn"}

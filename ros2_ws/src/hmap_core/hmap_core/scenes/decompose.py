@@ -12,8 +12,10 @@ import numpy as np
 import trimesh
 
 from hmap_core.exceptions import HmapError, InputError
+from hmap_core.scenes import meshes
 
 CONCAVITY = 0.05  # share of the mesh's size by which a part may differ from its hull
+MIN_CONCAVITY = 0.01
 SEED = 0
 
 
@@ -27,13 +29,10 @@ def decompose(path: Path, concavity: float = CONCAVITY) -> list[Path]:
         import coacd  # optional: only this command needs it
     except ImportError as error:
         raise InputError("convex decomposition needs the package coacd: pip install coacd") from error
-    try:
-        mesh = trimesh.load_mesh(path)
-        coacd.set_log_level("error")
-        source = coacd.Mesh(np.asarray(mesh.vertices, float), np.asarray(mesh.faces))
-        hulls = coacd.run_coacd(source, threshold=concavity, seed=SEED)
-    except Exception as error:  # the readers of the many formats raise errors of every kind
-        raise InputError(f"{path}: not a mesh: {error}") from error
+    mesh = meshes.read_mesh(path)
+    coacd.set_log_level("error")
+    source = coacd.Mesh(np.asarray(mesh.vertices, float), np.asarray(mesh.faces))
+    hulls = coacd.run_coacd(source, threshold=concavity, seed=SEED)
     parts = []
     for i, (vertices, faces) in enumerate(hulls):
         part = path.with_name(f"{path.stem}_part{i}.obj")
@@ -48,6 +47,8 @@ def main() -> int:
     parser.add_argument("mesh", type=Path)
     parser.add_argument("--concavity", type=float, default=CONCAVITY, help=f"0.01 (fine) to 1; default {CONCAVITY}")
     arguments = parser.parse_args()
+    if not MIN_CONCAVITY <= arguments.concavity <= 1.0:
+        parser.error(f"--concavity {arguments.concavity}: must be between {MIN_CONCAVITY} and 1")
     try:
         parts = decompose(arguments.mesh, arguments.concavity)
     except HmapError as error:

@@ -11,16 +11,17 @@ import trimesh
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes import resources
 
+MIN_FACES = 4  # of a surface with a volume
 MIN_HULL_FILL = 0.95  # a mesh that fills less of its convex hull than this is concave
 SAME_HULL = 1e-6  # in units of the file; hulls whose vertices differ by less are the same
 
 
 def check_convex(path: Path, accept_hull: bool) -> None:
     """Raises InputError when the mesh is unreadable, or concave and ``accept_hull`` is not set."""
-    vertices, fill = _hull(path)
+    _, fill = _read_hull(path)
     if fill < MIN_HULL_FILL and not accept_hull:
         raise InputError(
-            f"the mesh is concave (it fills {100 * fill:.0f} % of its convex hull); list convex parts, as "
+            f"the mesh is concave or open (it fills {100 * fill:.0f} % of its convex hull); list convex parts, as "
             f"'python -m hmap_core.scenes.decompose {path.name}' writes them, or set convex_hull: true",
             Code.INVALID_SCENE,
         )
@@ -28,7 +29,7 @@ def check_convex(path: Path, accept_hull: bool) -> None:
 
 def hull_vertices(path: Path) -> np.ndarray:
     """Vertices (V, 3) of the convex hull of a mesh file, unscaled."""
-    return _hull(path)[0].copy()
+    return _read_hull(path)[0].copy()
 
 
 def local(uri: str, vertices: np.ndarray | None) -> Path:
@@ -56,10 +57,7 @@ def _cached(vertices: np.ndarray) -> Path:
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hmap" / "meshes"
     path = cache / f"{hashlib.sha256(np.round(vertices, 9).tobytes()).hexdigest()[:16]}.obj"
     if not path.is_file():
-        try:
-            hull = trimesh.PointCloud(vertices).convex_hull
-        except Exception as error:  # of the hull library, when the points are flat or too few
-            raise InputError(f"the vertices of a mesh span no volume: {error}", Code.INVALID_SCENE) from error
+        hull = _convex_hull(trimesh.PointCloud(vertices), "the vertices of a mesh")
         cache.mkdir(parents=True, exist_ok=True)
         draft = path.with_suffix(f".{os.getpid()}.obj")
         hull.export(draft)
@@ -67,13 +65,39 @@ def _cached(vertices: np.ndarray) -> Path:
     return path
 
 
-@lru_cache(maxsize=64)
-def _hull(path: Path) -> tuple[np.ndarray, float]:
+def read_mesh(path: Path) -> trimesh.Trimesh:
+    """A mesh file as one surface.
+
+    Raises:
+        InputError: INVALID_SCENE when it is not a mesh, or has no extent.
+    """
     try:
         mesh = trimesh.load_mesh(path)
-        hull = mesh.convex_hull
-        # the volume of an open surface means nothing; its hull is all there is to go by
-        fill = float(mesh.volume / hull.volume) if mesh.is_watertight else 0.0
-        return np.asarray(hull.vertices, float), fill
+        faces, finite = len(mesh.faces), bool(np.isfinite(mesh.vertices).all())
     except Exception as error:  # the readers of the many formats raise errors of every kind
         raise InputError(f"{path}: not a mesh: {error}", Code.INVALID_SCENE) from error
+    if faces < MIN_FACES or not finite:
+        problem = f"{path}: not a mesh: it has {faces} triangles, at least {MIN_FACES} with finite vertices are needed"
+        raise InputError(problem, Code.INVALID_SCENE)
+    return mesh
+
+
+def _read_hull(path: Path) -> tuple[np.ndarray, float]:
+    """Vertices (V, 3) of the hull of a mesh, and the share of it that the mesh fills."""
+    return _hull(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=64)
+def _hull(path: Path, _changed: int) -> tuple[np.ndarray, float]:
+    mesh = read_mesh(path)
+    hull = _convex_hull(mesh, str(path))
+    # the volume of an open surface means nothing; it counts as concave
+    fill = float(mesh.volume / hull.volume) if mesh.is_watertight else 0.0
+    return np.asarray(hull.vertices, float), fill
+
+
+def _convex_hull(points: trimesh.Trimesh | trimesh.PointCloud, name: str) -> trimesh.Trimesh:
+    try:
+        return points.convex_hull
+    except Exception as error:  # of the hull library, when the points are flat or too few
+        raise InputError(f"{name}: its points span no volume: {error}", Code.INVALID_SCENE) from error
