@@ -1,0 +1,49 @@
+"""Live progress on standard error: one rewritten line on a terminal, else a line for each change."""
+
+import sys
+import threading
+import time
+from typing import TextIO
+
+MIN_PERIOD = 0.1  # s between two redraws on a terminal
+LINE_PERIOD = 1.0  # s between two lines of the same phase where there is no terminal
+MAX_WIDTH = 110  # characters
+
+
+class ProgressLine:
+    """Says what is being done. Used as a context; leaves a terminal clean."""
+
+    def __init__(self, stream: TextIO | None = None):
+        self._stream = stream or sys.stderr
+        self._terminal = self._stream.isatty()
+        self._began = time.monotonic()
+        self._shown, self._phase, self._last = "", "", -float("inf")
+        self._lock = threading.Lock()
+
+    def __enter__(self) -> "ProgressLine":
+        return self
+
+    def __exit__(self, *_) -> None:
+        if self._terminal and self._shown:
+            self._stream.write("\r\033[K")
+            self._stream.flush()
+
+    def show(self, phase: str, text: str = "") -> None:
+        """Show a phase and what happens in it; what changes too fast to read is left out."""
+        with self._lock:
+            now = time.monotonic()
+            line = f"{phase}: {text}" if text else phase
+            period = MIN_PERIOD if self._terminal else LINE_PERIOD
+            if line == self._shown or (phase == self._phase and now - self._last < period):
+                return
+            self._shown, self._phase, self._last = line, phase, now
+            stamped = f"[{now - self._began:6.1f} s] {line}"[:MAX_WIDTH]
+            self._stream.write(f"\r\033[K{stamped}" if self._terminal else f"{stamped}\n")
+            self._stream.flush()
+
+    def planning(self, phase: str, waypoint: int, waypoints: int, attempt: int, text: str = "") -> None:
+        """Show where Algorithm 1 is: waypoint i of I, try j."""
+        parts = [f"waypoint {waypoint} of {waypoints}"] if waypoints else []
+        parts += [f"try {attempt}"] if attempt else []
+        parts += [text] if text else []
+        self.show(phase, ", ".join(parts))
