@@ -76,7 +76,10 @@ def joint_trajectory(plan: Plan, robot: str, stretch: Stretch) -> JointTrajector
 
 def index_at(time: np.ndarray, t: float) -> int:
     """Index of the sample closest to an instant."""
-    return int(np.argmin(np.abs(time - t)))
+    after = int(np.searchsorted(time, t))
+    if after == 0 or after == len(time):
+        return min(after, len(time) - 1)
+    return after if time[after] - t < t - time[after - 1] else after - 1
 
 
 def _stretch(plan: Plan, first: int, last: int) -> Stretch:

@@ -51,6 +51,7 @@ class SimulatedRobot:
         self.finger_links = [self._link(name) for name in gripper.finger_links] if gripper else []
         self._arm_forces = self._forces()
         self._prepare_fingers()
+        self._gripper_command = (float("nan"), float("nan"))
         self.place(robot.q, gripper.open_opening if gripper else 0.0)
 
     def place(self, q: np.ndarray, opening: float) -> None:
@@ -88,6 +89,9 @@ class SimulatedRobot:
             raise InputError(f"robot '{self.robot.name}' has no gripper to open to {opening} m")
         if not (np.isfinite(opening) and np.isfinite(force)):
             raise InputError(f"robot '{self.robot.name}': gripper opening {opening} m, force {force} N: not finite")
+        if (opening, force) == self._gripper_command:
+            return  # the motors keep their targets
+        self._gripper_command = (opening, force)
         for joint in self._fingers:
             self._client.setJointMotorControl2(
                 self.id,
