@@ -1,6 +1,7 @@
 """YAML files as plain data that remember the line of every key, so that an error can point at it."""
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ Location = tuple[str | int, ...]
 
 @dataclass
 class Document:
-    """A file's data and where each part of it stands."""
+    """A file's data, not to be changed, and where each part of it stands."""
 
     path: Path
     data: dict[str, Any]
@@ -66,7 +67,12 @@ def read(path: Path) -> Document:
     Raises:
         InputError: INVALID_SCENE when the file cannot be read or is not such a file.
     """
-    text = _read_text(path)
+    return _parse(path, _read_text(path))
+
+
+@lru_cache(maxsize=64)
+def _parse(path: Path, text: str) -> Document:
+    """The document; kept, because the parser is slow and a scene names the same robot and objects several times."""
     try:
         node = YAML(typ="rt", pure=True).load(text)
     except MarkedYAMLError as error:

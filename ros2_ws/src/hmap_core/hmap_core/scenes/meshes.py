@@ -4,12 +4,15 @@ import hashlib
 import os
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes import resources
+
+if TYPE_CHECKING:
+    import trimesh
 
 MIN_FACES = 4  # of a surface with a volume
 MIN_HULL_FILL = 0.95  # a mesh that fills less of its convex hull than this is concave
@@ -57,20 +60,27 @@ def _cached(vertices: np.ndarray) -> Path:
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hmap" / "meshes"
     path = cache / f"{hashlib.sha256(np.round(vertices, 9).tobytes()).hexdigest()[:16]}.obj"
     if not path.is_file():
+        import trimesh  # as in read_mesh
+
         hull = _convex_hull(trimesh.PointCloud(vertices), "the vertices of a mesh")
-        cache.mkdir(parents=True, exist_ok=True)
-        draft = path.with_suffix(f".{os.getpid()}.obj")
-        hull.export(draft)
-        draft.replace(path)  # at once: another process may want the same file
+        try:
+            cache.mkdir(parents=True, exist_ok=True)
+            draft = path.with_suffix(f".{os.getpid()}.obj")
+            hull.export(draft)
+            draft.replace(path)  # at once: another process may want the same file
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written: {error}") from error
     return path
 
 
-def read_mesh(path: Path) -> trimesh.Trimesh:
+def read_mesh(path: Path) -> "trimesh.Trimesh":
     """A mesh file as one surface.
 
     Raises:
         InputError: INVALID_SCENE when it is not a mesh, or has no extent.
     """
+    import trimesh  # takes a second, and few scenes have meshes
+
     try:
         mesh = trimesh.load_mesh(path)
         faces, finite = len(mesh.faces), bool(np.isfinite(mesh.vertices).all())
@@ -96,7 +106,7 @@ def _hull(path: Path, _changed: int) -> tuple[np.ndarray, float]:
     return np.asarray(hull.vertices, float), fill
 
 
-def _convex_hull(points: trimesh.Trimesh | trimesh.PointCloud, name: str) -> trimesh.Trimesh:
+def _convex_hull(points: "trimesh.Trimesh | trimesh.PointCloud", name: str) -> "trimesh.Trimesh":
     try:
         return points.convex_hull
     except Exception as error:  # of the hull library, when the points are flat or too few
