@@ -80,7 +80,7 @@ def _parse(path: Path, text: str) -> Document:
         problem = " ".join(str(error.problem or error.context).split(" with value ")[0].split())
         raise InputError(f"{path}:{line}: not valid YAML: {problem}", Code.INVALID_SCENE) from error
     except Exception as error:  # the parser lets errors of its own making through, such as ValueError of a long number
-        raise InputError(f"{path}:1: not valid YAML: {error}", Code.INVALID_SCENE) from error
+        raise InputError(f"{path}:1: not valid YAML: {' '.join(str(error).split())}", Code.INVALID_SCENE) from error
     if node is None:
         raise InputError(f"{path}:1: the file is empty; it must start with schema: 1", Code.INVALID_SCENE)
     if not isinstance(node, CommentedMap):

@@ -37,6 +37,8 @@ def _parse(expression: str) -> ast.expr:
     if len(expression) > MAX_LENGTH:
         raise ExpressionError(f"is longer than {MAX_LENGTH} characters")
     try:
+        if "#" in expression:  # the rest would be taken as a comment
+            raise SyntaxError
         return ast.parse(expression.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         raise ExpressionError(f"is neither a number nor an expression of {ALLOWED}") from error
