@@ -14,10 +14,10 @@ import numpy as np
 
 from hmap_core.collision.gjk import OPTIONS
 from hmap_core.collision.pairs import BEYOND, pair_distance, place_centers, worst_pair
+from hmap_core.kinematics.tree import forward, point_jacobian
 from hmap_core.komo.arrays import Scratch, Terms
 from hmap_core.komo.banded import cholesky_solve
 from hmap_core.komo.features.base import MAX_DIM, call_kernel
-from hmap_core.kinematics.tree import forward, point_jacobian
 
 SOS, EQ, INEQ = 0, 1, 2
 
@@ -421,3 +421,44 @@ def path_violations(path, masks, chain, cols, floor):
         forward(path[m], chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, s.R, s.p)
         violation[m], pair[m] = worst_pair(cols, s.R, s.p, masks[m], floor, s.axes[0], s.centers, s.witness, s.work)
     return violation, pair
+
+
+@nb.njit(**OPTIONS)
+def follow(q, phase, chain, terms, params, cols, o, max_jump):
+    """Solves one-step problems one after the other, each from the last one's solution; stops where one fails.
+
+    Args:
+        q: (n,) configuration before the first.
+        phase: (1,); chain, terms, cols, o: as for :func:`solve_batch`.
+        params: (M, N) parameters of each problem.
+        max_jump: no joint may move by more than this between two solutions, rad or m.
+
+    Returns:
+        (Q (M, n), count): the solutions, of which the first ``count`` are valid.
+    """
+    M = params.shape[0]
+    n = q.shape[0]
+    Q = np.empty((M, n))
+    X = np.empty((1, n))
+    prefix = np.empty((2, n))
+    before = q.copy()
+    for m in range(M):
+        own = Terms(
+            terms.kernel, terms.type, terms.step, terms.dim, terms.scale, terms.frames, terms.offset, params[m],
+            terms.by_step,
+        )  # fmt: skip
+        prefix[0] = before
+        prefix[1] = before
+        X[0] = before
+        if m > 1:
+            X[0] = 2.0 * before - Q[m - 2]  # go on as so far
+        _, eq, ineq, _ = solve(X, prefix, phase, chain, own, cols, o)
+        if not max(eq, ineq) <= o.tolerance:
+            return Q, m
+        if m > 0:
+            for i in range(n):
+                if abs(X[0, i] - before[i]) > max_jump:
+                    return Q, m
+        Q[m] = X[0]
+        before = Q[m].copy()
+    return Q, M

@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hmap_core.collision.scene_model import Collisions, CollisionModel
+from hmap_core.collision.scene_model import CollisionModel, Collisions
 from hmap_core.komo.arrays import Chain, Options, Terms
 from hmap_core.komo.features.base import MAX_FRAMES
 from hmap_core.komo.objective import Objective, ObjectiveType
-from hmap_core.komo.solver import path_violations, solve, solve_batch
+from hmap_core.komo.solver import follow, path_violations, solve, solve_batch
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,9 @@ class SolverOptions:
     def pack(self) -> Options:
         return Options(*(float(getattr(self, name)) for name in Options._fields))
 
+
+# m: what a margin is lowered by beyond what the start needs
+RELAXATION = 1e-4
 
 # One configuration instead of a path: stays near its prefix, converges to the numerical floor.
 IK_OPTIONS = SolverOptions(
@@ -89,6 +92,7 @@ class KomoProblem:
     collisions: CollisionModel
     options: SolverOptions = field(default_factory=SolverOptions)
     objectives: list[Objective] = field(default_factory=list)
+    _arrays: Collisions | None = field(default=None, repr=False)
 
     @property
     def steps(self) -> int:
@@ -105,6 +109,12 @@ class KomoProblem:
 
     def add(self, objective: Objective) -> None:
         self.objectives.append(objective)
+
+    def arrays(self) -> Collisions:
+        """The collision pairs as the compiled code takes them."""
+        if self._arrays is None:
+            self._arrays = self.collisions.arrays()
+        return self._arrays
 
     def phase_of_step(self) -> np.ndarray:
         return np.repeat(np.arange(len(self.steps_per_phase)), self.steps_per_phase).astype(np.int64)
@@ -148,7 +158,7 @@ class KomoProblem:
         X = np.ascontiguousarray(initial, float).copy()
         prefix = np.ascontiguousarray([start, start], float)
         phase = self.phase_of_step()
-        cols = self.collisions.arrays()
+        cols = relaxed(self.chain, self.arrays(), start, 1)
         cost, eq, ineq, iterations = solve(
             X, prefix, phase, self.chain, self.terms(), cols, self.options.pack()
         )
@@ -184,6 +194,33 @@ def without_pairs(cols: Collisions) -> Collisions:
     return cols._replace(a=none, b=none, margin=np.zeros(0), phases=none)
 
 
+def relaxed(chain: Chain, cols: Collisions, q: np.ndarray, phases: int) -> Collisions:
+    """The same pairs, with margins lowered where the configuration q (n,) is already nearer than they ask.
+
+    A path that starts there can then be feasible; it may leave, and never come nearer than it stands.
+    """
+    margin = cols.margin.copy()
+    cols = cols._replace(margin=margin)
+    path, mask = np.ascontiguousarray(q, float)[None], np.array([phases], np.int64)
+    for _ in range(len(margin)):
+        violation, pair = path_violations(path, mask, chain, cols, 0.0)
+        if pair[0] < 0:
+            break
+        margin[pair[0]] -= violation[0] + RELAXATION
+    return cols
+
+
+def follow_ik(problem: KomoProblem, params: np.ndarray, start: np.ndarray, max_jump: float) -> np.ndarray:
+    """Solves one-step problems one after the other, each from the last; returns the solutions (m, n) before the first
+    that fails or that needs a joint to jump by more than ``max_jump``."""
+    padded = np.ascontiguousarray(np.concatenate([params, np.zeros((len(params), 1))], axis=1))
+    Q, count = follow(
+        np.ascontiguousarray(start, float), problem.phase_of_step(), problem.chain, problem.terms(), padded,
+        problem.arrays(), problem.options.pack(), max_jump,
+    )  # fmt: skip
+    return Q[:count]
+
+
 def solve_ik_batch(problem: KomoProblem, params: np.ndarray, initial: np.ndarray, near: np.ndarray):
     """Solves many one-step problems of one structure.
 
@@ -198,7 +235,7 @@ def solve_ik_batch(problem: KomoProblem, params: np.ndarray, initial: np.ndarray
     X = np.ascontiguousarray(initial, float)[:, None, :].copy()
     prefix = np.ascontiguousarray(np.repeat(np.asarray(near, float)[:, None, :], 2, axis=1))
     padded = np.ascontiguousarray(np.concatenate([params, np.zeros((len(params), 1))], axis=1))
-    cols = problem.collisions.arrays()
+    cols = problem.arrays()
     violation = solve_batch(
         X, prefix, problem.phase_of_step(), problem.chain, problem.terms(), padded, cols, without_pairs(cols),
         problem.options.pack(),

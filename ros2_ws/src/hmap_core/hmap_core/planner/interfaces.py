@@ -1,4 +1,4 @@
-"""What Algorithm 1 asks of the parts below it. Called in one process by ``hmap plan``, over services by the supervisor."""
+"""What Algorithm 1 asks of the parts below it: called directly by ``hmap plan``, over services by the supervisor."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,19 +18,21 @@ class RobotContact:
     Attributes:
         reach: index of the farthest object pose, of those asked for, to which this contact can carry the object.
         keyframes: (reach + 1, n) postures of the robot in contact at the object poses 0 .. reach.
+        clear: other robots that have to go home before.
     """
 
     robot: str
     contact: ContactPoint
     reach: int
     keyframes: np.ndarray
+    clear: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class SegmentMotion:
     """One iteration of the inner loop: come, touch, carry, let go, retreat.
 
-    The trajectory starts at time 0 in the state it was asked for, ends at rest, and holds only the robot and the object
+    The trajectory starts at time 0 in the state it was asked for, ends at rest, and holds only the robots and objects
     that move; the segments cover it without gaps.
     """
 

@@ -3,8 +3,8 @@
 import numpy as np
 from numba import carray, cfunc
 
-from hmap_core.komo.features.base import KERNEL, Feature
 from hmap_core.kinematics.tree import point_jacobian
+from hmap_core.komo.features.base import KERNEL, Feature
 
 
 @cfunc(KERNEL, cache=True)

@@ -1,0 +1,181 @@
+"""Algorithm 1: waypoints, contacts, motions, and what happens when one of them fails."""
+
+import time
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from hmap_core.contacts.camera import Cloud
+from hmap_core.exceptions import Code, ContactError, HmapError, InputError, MotionError, PlannerError, WaypointError
+from hmap_core.plan_file import to_dict
+from hmap_core.planner.assembly import assemble, state_after
+from hmap_core.planner.interfaces import Backend, Progress, ProgressCallback, RobotContact, SegmentMotion
+from hmap_core.planner.local import LocalBackend
+from hmap_core.transforms import distance
+from hmap_core.types import BodyKind, Goal, Plan, Scene, SceneState, SegmentKind
+from hmap_core.validation import check
+
+J_MAX = 40  # contacts tried at one waypoint before new waypoints are asked for (the paper's j_max)
+WAYPOINT_ROUNDS = 5  # object paths tried
+DEFAULT_TIME_LIMIT = 60.0  # s
+_MAX_SEED = 2**31 - 1
+
+
+class Planner:
+    """One planning job.
+
+    Args:
+        scene: the task.
+        state: where everything is now; None: where the scene starts.
+        seed: the only source of randomness.
+        time_limit: seconds of wall-clock time.
+        backend: who does the three phases.
+        progress: called with a Progress whenever something new begins.
+        canceled: asked between two steps; True stops the job.
+        clouds: what cameras have seen of each object, in its own frame.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        state: SceneState | None = None,
+        seed: int = 0,
+        time_limit: float = DEFAULT_TIME_LIMIT,
+        backend: Backend | None = None,
+        progress: ProgressCallback | None = None,
+        canceled: Callable[[], bool] | None = None,
+        clouds: Mapping[str, Cloud] | None = None,
+    ):
+        self.scene = scene
+        self.start = state.copy() if state is not None else scene.start_state()
+        self.backend = backend or LocalBackend()
+        self.rng = np.random.default_rng(seed)
+        self.began = time.monotonic()
+        self.deadline = self.began + time_limit
+        self.time_limit = time_limit
+        self.clouds = dict(clouds or {})
+        self._progress = progress or (lambda progress: None)
+        self._canceled = canceled or (lambda: False)
+        self.last_failure = "nothing was tried yet"
+        self.counts = {"waypoint_plans": 0, "contact_proposals": 0, "contact_tries": 0}
+
+    def plan(self) -> Plan:
+        """The outer loop: waypoints until a path of segments is found for all of them."""
+        goal = self.scene.goal
+        self._check_goal(goal)
+        for _ in range(WAYPOINT_ROUNDS):
+            self._report("waypoints", text=f"path of '{goal.object}' to its goal")
+            path = self.backend.plan_waypoints(
+                self.scene, self.start, goal.object, goal, self._seed(), self._time_left()
+            )
+            self.counts["waypoint_plans"] += 1
+            found = self._segments(goal, path.poses)
+            if found is not None:
+                return self._finished(*found)
+        raise PlannerError(
+            f"no plan after {WAYPOINT_ROUNDS} object paths of '{goal.object}'; last: {self.last_failure}", Code.NO_MOTION
+        )
+
+    def _segments(self, goal: Goal, poses: np.ndarray) -> tuple[list[SegmentMotion], np.ndarray] | None:
+        """The main loop: contacts and motions until the object is at its goal; None when a waypoint cannot be left."""
+        state, motions, waypoints = self.start.copy(), [], []
+        at = 0
+        while at < len(poses) - 1:
+            ahead = np.concatenate([state.poses[goal.object][None], poses[at + 1 :]])
+            step = self._step(goal.object, state, ahead, at, len(poses) - 1)
+            if step is None:
+                return None
+            motion, reach = step
+            motions.append(motion)
+            state = state_after(state, motion)
+            at += reach
+            waypoints.append(poses[at])
+        return motions, np.array(waypoints).reshape(-1, 7)
+
+    def _step(self, object: str, state: SceneState, ahead: np.ndarray, at: int, total: int):
+        """The inner loop: contacts at one waypoint until one of them gives a motion. Returns (motion, reach) or None."""
+        tries = 0
+        while tries < J_MAX:
+            self._report("contacts", at, total, tries + 1, f"contacts on '{object}'")
+            try:
+                contacts = self.backend.propose_contacts(
+                    self.scene, state, object, ahead, tuple(self.scene.robots), self.clouds.get(object), J_MAX - tries,
+                    self._seed(), self._time_left(),
+                )  # fmt: skip
+            except ContactError as error:
+                self.last_failure = str(error)
+                return None
+            self.counts["contact_proposals"] += 1
+            for contact in contacts:
+                tries += 1
+                self.counts["contact_tries"] += 1
+                self._report(
+                    "motion", at, total, tries, f"{contact.robot} carries '{object}' by {contact.contact.kind}"
+                )
+                motion = self._motion(state, object, contact, ahead[: contact.reach + 1])
+                if motion is not None:
+                    return motion, contact.reach
+        return None
+
+    def _motion(self, state, object: str, contact: RobotContact, poses: np.ndarray) -> SegmentMotion | None:
+        try:
+            return self.backend.solve_segment(
+                self.scene, state, object, contact, poses, self._seed(), self._time_left()
+            )
+        except MotionError as error:
+            self.last_failure = str(error)
+            return None
+
+    def _finished(self, motions: list[SegmentMotion], waypoints: np.ndarray) -> Plan:
+        planning_time = time.monotonic() - self.began
+        kinds = [s.kind for m in motions for s in m.segments]
+        stats = {
+            "planning_time_s": planning_time,
+            "waypoints": len(waypoints),
+            "contacts": sum(kind != SegmentKind.TRANSIT for kind in kinds),
+            "mode_switches": max(0, len(kinds) - 1),
+            **self.counts,
+        }
+        plan = assemble(self.scene, self.start, motions, waypoints, stats)
+        self._report("checking", len(waypoints), len(waypoints), text="the judge looks at the plan")
+        report = check(to_dict(plan))
+        if not report.valid:
+            worst = report.violations[0]
+            raise PlannerError(
+                f"the judge rejects the plan: {worst.kind} of {', '.join(worst.bodies)} at {worst.time:.2f} s, "
+                f"{worst.amount:.4g} where {worst.limit:.4g} is allowed",
+                Code.PLAN_REJECTED,
+            )
+        self._report("done", len(waypoints), len(waypoints), text=f"planned in {planning_time:.2f} s")
+        return plan
+
+    def _check_goal(self, goal: Goal) -> None:
+        body = self.scene.bodies.get(goal.object)
+        if body is None or body.kind == BodyKind.FIXED:
+            movable = ", ".join(n for n, b in self.scene.bodies.items() if b.kind != BodyKind.FIXED)
+            raise InputError(f"goal object '{goal.object}' cannot be moved; allowed: {movable}", Code.UNKNOWN_OBJECT)
+
+    def _report(self, phase: str, waypoint: int = 0, waypoints: int = 0, attempt: int = 0, text: str = "") -> None:
+        self._progress(Progress(phase, waypoint, waypoints, attempt, text))
+        self._time_left()
+
+    def _time_left(self) -> float:
+        """Seconds left; raises PlannerError when there are none, or when the job was canceled."""
+        if self._canceled():
+            raise PlannerError("planning was canceled", Code.CANCELED)
+        left = self.deadline - time.monotonic()
+        if left <= 0.0:
+            raise PlannerError(f"no plan within {self.time_limit:g} s; last: {self.last_failure}", Code.TIME_LIMIT)
+        return left
+
+    def _seed(self) -> int:
+        return int(self.rng.integers(_MAX_SEED))
+
+
+def plan(scene: Scene, state: SceneState | None = None, seed: int = 0, **options) -> Plan:
+    """Plans a task; see :class:`Planner` for the options.
+
+    Raises:
+        HmapError: of the stage that failed, with the reason.
+    """
+    return Planner(scene, state, seed, **options).plan()

@@ -1,0 +1,43 @@
+"""Segments put one after the other into a plan."""
+
+import numpy as np
+
+from hmap_core.planner.interfaces import SegmentMotion
+from hmap_core.types import BodyKind, Plan, Scene, SceneState, Segment, Trajectory
+
+
+def state_after(state: SceneState, motion: SegmentMotion) -> SceneState:
+    """The state at the end of a motion that began in ``state``."""
+    after = state.copy()
+    after.q.update({name: q[-1].copy() for name, q in motion.trajectory.joints.items()})
+    after.gripper.update({name: float(opening[-1]) for name, opening in motion.trajectory.gripper.items()})
+    after.poses.update({name: poses[-1].copy() for name, poses in motion.trajectory.objects.items()})
+    return after
+
+
+def assemble(scene: Scene, state: SceneState, motions: list[SegmentMotion], waypoints: np.ndarray, stats: dict) -> Plan:
+    """The plan that starts in ``state`` and goes through all motions; neighbours share a sample."""
+    movable = [name for name, body in scene.bodies.items() if body.kind != BodyKind.FIXED]
+    joints = {name: [q[None]] for name, q in state.q.items()}
+    gripper = {name: [np.array([opening])] for name, opening in state.gripper.items()}
+    objects = {name: [state.poses[name][None]] for name in movable}
+    time, segments = [np.zeros(1)], []
+    for motion in motions:
+        own = motion.trajectory
+        new = len(own.time) - 1
+        start = time[-1][-1]
+        for columns, parts in ((own.joints, joints), (own.gripper, gripper), (own.objects, objects)):
+            for name, rows in parts.items():
+                rows.append(columns[name][1:] if name in columns else np.repeat(rows[-1][-1:], new, 0))
+        time.append(start + own.time[1:])
+        segments += [
+            Segment(start + s.start, start + s.end, s.robot, s.manipulator, s.object, s.kind, s.contact_pose)
+            for s in motion.segments
+        ]
+    trajectory = Trajectory(
+        np.concatenate(time),
+        {name: np.concatenate(rows) for name, rows in joints.items()},
+        {name: np.concatenate(rows) for name, rows in gripper.items()},
+        {name: np.concatenate(rows) for name, rows in objects.items()},
+    )
+    return Plan(scene, trajectory, tuple(segments), waypoints, stats)

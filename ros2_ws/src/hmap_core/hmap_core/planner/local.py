@@ -1,0 +1,162 @@
+"""The three phases of H-MaP in this process."""
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from hmap_core.contacts.camera import Cloud, visible_points
+from hmap_core.contacts.candidates import Hand, Situation
+from hmap_core.contacts.feasibility import carried, reachable
+from hmap_core.contacts.proposer import NoProposer, Proposer
+from hmap_core.contacts.sampler import sample_contacts
+from hmap_core.exceptions import Code, ContactError
+from hmap_core.komo.manipulation import Manipulation
+from hmap_core.kinematics.arm import load_arm
+from hmap_core.planner import motion
+from hmap_core.planner.interfaces import RobotContact, SegmentMotion
+from hmap_core.types import Body, ContactPoint, Goal, Robot, Scene, SceneState
+from hmap_core.waypoints import ObjectPath, ObjectPathProblem, plan_waypoints
+
+SURFACE_POINTS = 600  # samples of the object's surface when looking at it
+BATCH = 96  # candidates checked at once
+MAX_CANDIDATES = 480  # per robot, before it is out of contacts
+CARRIES = 12  # reachable candidates per robot that are led along the path
+MIN_REACH = 2  # poses a contact has to serve, unless the path is shorter
+
+
+def placed_bodies(scene: Scene, state: SceneState, without: str) -> tuple[Body, ...]:
+    """All bodies but one, where they are now."""
+    from dataclasses import replace
+
+    return tuple(replace(b, pose=state.poses[name]) for name, b in scene.bodies.items() if name != without)
+
+
+class LocalBackend:
+    """Implements :class:`hmap_core.planner.interfaces.Backend` by direct calls."""
+
+    def __init__(self, proposer: Proposer | None = None):
+        self.proposer = proposer or NoProposer()
+
+    def plan_waypoints(
+        self, scene: Scene, state: SceneState, object: str, goal: Goal, seed: int, time_limit: float
+    ) -> ObjectPath:
+        """Algorithm 2."""
+        problem = ObjectPathProblem(
+            scene.bodies[object],
+            state.poses[object],
+            goal.pose,
+            placed_bodies(scene, state, object),
+            scene.motion,
+            removable=frozenset(scene.removable),
+        )
+        return plan_waypoints(problem, np.random.default_rng(seed), time_limit)
+
+    def propose_contacts(
+        self,
+        scene: Scene,
+        state: SceneState,
+        object: str,
+        object_poses: np.ndarray,
+        robots: Sequence[str] = (),
+        cloud: Cloud | None = None,
+        count: int = 0,
+        seed: int = 0,
+        time_limit: float = np.inf,
+    ) -> list[RobotContact]:
+        """Algorithm 3: feasible contacts, the one that carries the object farthest first."""
+        deadline = time.monotonic() + time_limit
+        rng = np.random.default_rng(seed)
+        informed = self.proposer.propose(state, scene, object, object_poses)
+        found: list[RobotContact] = []
+        looked_at = 0
+        for name in robots or scene.robots:
+            for proposals in (informed, None):
+                batches = [informed] if proposals else self._sampled(scene, state, object, object_poses, name, cloud, rng)
+                for batch in batches:
+                    looked_at += len(batch)
+                    found += self.check_contacts(scene, state, object, object_poses, name, batch, rng)
+                    if len([c for c in found if c.robot == name]) or time.monotonic() > deadline:
+                        break
+                if any(c.robot == name for c in found):
+                    break
+            if found and found[-1].reach == len(object_poses) - 1:
+                break
+        if not found:
+            raise ContactError(
+                f"none of {looked_at} contacts on '{object}' is reachable for {', '.join(robots or scene.robots)}",
+                Code.NO_CONTACT,
+            )
+        found.sort(key=lambda c: (-c.reach, -c.contact.score))
+        return found[: count or None]
+
+    def check_contacts(
+        self,
+        scene: Scene,
+        state: SceneState,
+        object: str,
+        object_poses: np.ndarray,
+        robot: str,
+        contacts: Sequence[ContactPoint],
+        rng: np.random.Generator,
+    ) -> list[RobotContact]:
+        """The feasible ones of one robot's candidates, with how far they serve; best first.
+
+        The other robots are thought of at home; where they are not, they have to go there first (``clear``).
+        """
+        if not contacts:
+            return []
+        away = tuple(n for n in scene.robots if n != robot and not np.allclose(state.q[n], scene.robots[n].model.home))
+        cleared = state.copy()
+        for name in away:
+            cleared.q[name] = scene.robots[name].model.home.copy()
+        manipulation = Manipulation(scene, cleared, robot, object)
+        ok, q, _ = reachable(manipulation, contacts, object_poses[0], rng)
+        least = min(MIN_REACH, len(object_poses) - 1)
+        found = []
+        for k in np.flatnonzero(ok)[:CARRIES]:
+            keyframes = carried(manipulation, contacts[k], q[k], object_poses)
+            if len(keyframes) > least:
+                found.append(RobotContact(robot, contacts[k], len(keyframes) - 1, keyframes, away))
+            if len(keyframes) == len(object_poses):
+                break
+        return sorted(found, key=lambda c: (-c.reach, -c.contact.score))
+
+    def solve_segment(
+        self,
+        scene: Scene,
+        state: SceneState,
+        object: str,
+        contact: RobotContact,
+        object_poses: np.ndarray,
+        seed: int = 0,
+        time_limit: float = np.inf,
+    ) -> SegmentMotion:
+        """KOMO over the phases of one segment."""
+        rng = np.random.default_rng(seed)
+        return motion.solve_segment(scene, state, object, contact, object_poses, rng, time_limit)
+
+    def _sampled(self, scene: Scene, state: SceneState, object: str, object_poses, robot: str, cloud, rng):
+        """Batches of candidates from what the cameras see of the object, then from the rest of its surface."""
+        body = scene.bodies[object]
+        obstacles = [(b, state.poses[name]) for name, b in scene.bodies.items() if name != object]
+        placed = scene.robots[robot]
+        seen = visible_points(
+            body, object_poses[0], obstacles, scene.cameras.values(), rng, SURFACE_POINTS, include_unseen=True
+        )
+        situation = Situation(object_poses[0], object_poses[min(1, len(object_poses) - 1)], placed.base_pose[:3])
+        total = 0
+        for points in (cloud, seen[seen.seen], seen[~seen.seen]):
+            if points is None or not len(points):
+                continue
+            for batch in sample_contacts(body, points, hand_of(placed), scene.mode, situation, rng, BATCH):
+                yield batch
+                total += len(batch)
+                if total >= MAX_CANDIDATES:
+                    break
+
+
+def hand_of(robot: Robot) -> Hand:
+    """What the contact sampler has to know of a robot's hand."""
+    arm = load_arm(robot.model)
+    return Hand(arm.finger_vertices(0.0), robot.model.gripper)

@@ -1,0 +1,317 @@
+"""The motion of one segment: come, touch, carry, let go and draw back, by KOMO; then verified between its steps and timed.
+
+The skeleton of a segment (eq. 2 of the paper): ``pose_eq`` with the pre-contact pose at the end of the transit; a straight
+approach; ``touch`` at the mode switch; ``stable`` while holding, with the object's waypoints as ``pose_eq``; a straight
+retreat. The object's path was found collision-free between its poses, and the hold follows it pose by pose, so what was
+verified for the object stays true for the object in the hand.
+"""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from hmap_core.collision.scene_model import CollisionModel, Collisions
+from hmap_core.exceptions import Code, MotionError
+from hmap_core.execution.timing import spline, time_parameterise
+from hmap_core.komo.features import joint_position, relative_pose
+from hmap_core.komo.manipulation import Manipulation, Phase, bit, free_opening, retreated
+from hmap_core.komo.objective import Objective, ObjectiveType
+from hmap_core.komo.solver import path_violations
+from hmap_core.komo.transcription import KomoProblem, SolverOptions, relaxed, solve_ik_batch
+from hmap_core.contacts.feasibility import ik_problem
+from hmap_core.planner.interfaces import RobotContact, SegmentMotion
+from hmap_core.planner.transit import find_transit, resampled
+from hmap_core.transforms import IDENTITY, distance, inverse, multiply
+from hmap_core.types import Scene, SceneState, Segment, SegmentKind, Trajectory
+
+SAMPLE_PERIOD = 0.02  # s between two samples of a plan
+JOINT_STEP = 0.2  # rad between two steps of a transit, about
+TRANSIT_STEPS = (8, 24)  # least and most
+APPROACH_STEPS = 4
+HOME_STEPS = 100  # points of a searched way home
+HOLD_STEP = (0.02, 0.1)  # m, rad between two steps of a hold, about
+VERIFY_STEP = 0.001  # m any point may move between two verified configurations
+VERIFY_SLACK = 0.0005  # m a verified configuration may be nearer than its margin
+SMOOTHNESS = 1.0 / 160.0  # weight of the squared accelerations, times the number of steps cubed
+RRT_SHARE = 0.5  # of the time left that may go into one joint-space search
+# share of the joint limits that is used: quick in the air, slow with an object, so that friction holds and a controller
+# follows within the clearance
+FREE_SPEED, FREE_ACCELERATION = 0.6, 0.3
+HOLD_SPEED, HOLD_ACCELERATION = 0.2, 0.05
+GRIPPER_SPEED = 0.1  # m/s of the opening
+SETTLE = 0.3  # s that the fingers get to settle after they have closed or opened
+
+
+@dataclass
+class _Piece:
+    """A sampled stretch: q (N, n), opening (N,), and the object's poses (N, 7) where it moves."""
+
+    robot: str
+    kind: SegmentKind
+    q: np.ndarray
+    opening: np.ndarray
+    object_poses: np.ndarray | None = None
+
+
+def solve_segment(
+    scene: Scene,
+    state: SceneState,
+    object: str,
+    contact: RobotContact,
+    object_poses: np.ndarray,
+    rng: np.random.Generator,
+    time_limit: float,
+) -> SegmentMotion:
+    """Plans the motion in which ``contact`` carries the object along object_poses (K, 7), from the present state.
+
+    Raises:
+        MotionError: NO_MOTION, with the constraint that stays violated and where.
+    """
+    deadline = time.monotonic() + time_limit
+    pieces: list[_Piece] = []
+    cleared = state.copy()
+    for other in contact.clear:
+        pieces.append(_go_home(scene, cleared, other, object, rng, deadline))
+        cleared.q[other] = pieces[-1].q[-1]
+    pieces += _Segment(scene, cleared, object, contact, object_poses).solve(rng, deadline)
+    return _assembled(scene, state, object, contact, pieces)
+
+
+def _go_home(scene: Scene, state: SceneState, robot: str, object: str, rng, deadline: float) -> _Piece:
+    """A transit of another robot to its home posture."""
+    manipulation = Manipulation(scene, state, robot, object)
+    collisions = manipulation.standing_collisions(state.poses[object])
+    home = scene.robots[robot].model.home
+    steps = _transit_steps(state.q[robot], home)
+    problem = KomoProblem(manipulation.model.chain, (steps,), collisions, _options(steps))
+    problem.add(Objective(joint_position(home), ObjectiveType.EQ, [steps - 1]))
+    start = state.q[robot]
+    initial = start + np.linspace(0.0, 1.0, steps + 1)[1:, None] * (home - start)
+    result = problem.solve(start, initial)
+    cols = relaxed(manipulation.model.chain, problem.arrays(), start, 1)
+    path = np.concatenate([start[None], result.path]) if result.feasible else None
+    if path is None or _violation(manipulation, cols, path, lambda s: 1) > VERIFY_SLACK:
+        corners = find_transit(manipulation.model.chain, cols, 1, start, home, rng, deadline)
+        if corners is None:
+            raise MotionError(f"robot '{robot}' finds no way home to make room: {result.worst}")
+        path = resampled(corners, HOME_STEPS)
+        path = np.concatenate([start[None], path])
+    timed = _timed(scene, robot, path, FREE_SPEED, FREE_ACCELERATION)
+    opening = np.full(len(timed), state.gripper[robot])
+    return _Piece(robot, SegmentKind.TRANSIT, timed, opening)
+
+
+def _options(steps: int) -> SolverOptions:
+    return SolverOptions(acceleration=SMOOTHNESS * steps**3)
+
+
+def _transit_steps(a: np.ndarray, b: np.ndarray) -> int:
+    return int(np.clip(np.ceil(np.abs(b - a).max() / JOINT_STEP), *TRANSIT_STEPS))
+
+
+def _timed(scene: Scene, robot: str, path: np.ndarray, speed: float, acceleration: float) -> np.ndarray:
+    model = scene.robots[robot].model
+    limits = speed * model.velocity_limits, acceleration * model.acceleration_limits
+    return time_parameterise(path, *limits, SAMPLE_PERIOD).q
+
+
+def _violation(manipulation: Manipulation, cols: Collisions, path: np.ndarray, phases) -> float:
+    """Worst margin violation (m) along the spline through a path (M, n); ``phases`` maps chord lengths to bit masks."""
+    curve = spline(path)
+    chain = manipulation.model.chain
+    knots = curve.x
+    # motion bound of a knot interval from the joint motion between its ends, with room for the curve's bulge
+    moved = 1.5 * np.abs(np.diff(curve(knots), axis=0)) @ chain.reach
+    counts = np.maximum(1, np.ceil(moved / VERIFY_STEP)).astype(int)
+    s = np.concatenate([np.linspace(a, b, c, endpoint=False) for a, b, c in zip(knots, knots[1:], counts)] + [knots[-1:]])
+    masks = np.array([phases(x) for x in s], np.int64) if callable(phases) else np.full(len(s), phases)
+    violation, _ = path_violations(np.ascontiguousarray(curve(s)), masks, chain, cols, 0.0)
+    return float(violation.max())
+
+
+class _Segment:
+    """The KOMO problem of one segment of one robot."""
+
+    def __init__(self, scene: Scene, state: SceneState, object: str, contact: RobotContact, object_poses: np.ndarray):
+        self.scene, self.state, self.object = scene, state, object
+        self.robot, self.contact = contact.robot, contact.contact
+        self.manipulation = Manipulation(scene, state, contact.robot, object)
+        self.start = state.q[contact.robot]
+        self.poses, self.keyframes = _thinned(object_poses, contact.keyframes)
+        self.T_start, self.T_end = object_poses[0], object_poses[-1]
+        self.collisions: CollisionModel = self.manipulation.collisions(self.contact, self.T_start, self.T_end)
+
+    def solve(self, rng: np.random.Generator, deadline: float) -> list[_Piece]:
+        before = self._drawn_back(self.T_start, self.keyframes[0], Phase.APPROACH)
+        after = self._drawn_back(self.T_end, self.keyframes[-1], Phase.RETREAT)
+        problem = self._problem(before)
+        guess = self._guess(before, after, problem.steps_per_phase[Phase.TRANSIT])
+        result = problem.solve(self.start, guess)
+        reason = result.worst
+        cols = relaxed(problem.chain, problem.arrays(), self.start, bit(Phase.TRANSIT))
+        path = result.path if result.feasible else None
+        if path is not None:
+            reason = self._check(problem, path, cols)
+        if path is None or reason:
+            path = self._searched(problem, cols, before, after, rng, deadline, reason)
+        return self._pieces(problem, path)
+
+    def _searched(self, problem, cols, before, after, rng, deadline, reason: str) -> np.ndarray:
+        """The same problem from a joint-space search for the transit; raises MotionError when that fails as well."""
+        until = time.monotonic() + RRT_SHARE * max(0.0, deadline - time.monotonic())
+        corners = find_transit(problem.chain, cols, bit(Phase.TRANSIT), self.start, before, rng, until)
+        if corners is None:
+            raise MotionError(f"robot '{self.robot}' cannot get to the contact on '{self.object}': {reason}")
+        steps = problem.steps_per_phase[Phase.TRANSIT]
+        guess = self._guess(before, after, steps)
+        guess[:steps] = resampled(corners, steps)
+        result = problem.solve(self.start, guess)
+        why = self._check(problem, result.path, cols) if result.feasible else result.worst
+        if why:
+            raise MotionError(f"robot '{self.robot}' finds no motion with its contact on '{self.object}': {why}")
+        return result.path
+
+    def _drawn_back(self, T_world_obj: np.ndarray, q: np.ndarray, phase: Phase) -> np.ndarray:
+        problem = ik_problem(self.manipulation, self.collisions, phase)
+        target = self.manipulation.target(multiply(T_world_obj, retreated(self.contact)))
+        found, ok = solve_ik_batch(problem, target[None], q[None], q[None])
+        if not ok[0]:
+            what = "come to" if phase == Phase.APPROACH else "leave"
+            raise MotionError(f"robot '{self.robot}' cannot {what} the contact on '{self.object}'", Code.NO_MOTION)
+        return found[0]
+
+    def _problem(self, before: np.ndarray) -> KomoProblem:
+        steps = (_transit_steps(self.start, before), APPROACH_STEPS, len(self.poses) - 1, APPROACH_STEPS)
+        problem = KomoProblem(self.manipulation.model.chain, steps, self.collisions, _options(sum(steps)))
+        feature = relative_pose(self.manipulation.tip, IDENTITY, IDENTITY)
+        fractions = np.arange(APPROACH_STEPS + 1) / APPROACH_STEPS
+        coming = [multiply(self.T_start, retreated(self.contact, f)) for f in fractions[::-1]]
+        carrying = [multiply(T, self.contact.T_obj_ee) for T in self.poses[1:]]
+        leaving = [multiply(self.T_end, retreated(self.contact, f)) for f in fractions[1:]]
+        first = problem.last(Phase.TRANSIT)
+        targets = [*coming, *carrying, *leaving]
+        params = [self.manipulation.target(T) for T in targets]
+        problem.add(Objective(feature, ObjectiveType.EQ, range(first, first + len(targets)), params=params))
+        return problem
+
+    def _guess(self, before: np.ndarray, after: np.ndarray, steps: int) -> np.ndarray:
+        """First guess (T, n): straight to the pre-contact posture, then through the contact's keyframes."""
+
+        def line(a, b, count):
+            return a + np.linspace(0.0, 1.0, count + 1)[1:, None] * (b - a)
+
+        return np.concatenate(
+            [
+                line(self.start, before, steps),
+                line(before, self.keyframes[0], APPROACH_STEPS),
+                self.keyframes[1:],
+                line(self.keyframes[-1], after, APPROACH_STEPS),
+            ]
+        )
+
+    def _parts(self, problem: KomoProblem, path: np.ndarray) -> list[np.ndarray]:
+        """The coming (M0, n), carrying (M1, n) and leaving (M2, n) parts; each starts where the last ended."""
+        contact, end = problem.last(Phase.APPROACH), problem.last(Phase.HOLD)
+        coming = np.concatenate([self.start[None], path[: contact + 1]])
+        return [coming, path[contact : end + 1], path[end:]]
+
+    def _check(self, problem: KomoProblem, path: np.ndarray, cols: Collisions) -> str:
+        """What is violated between the steps, or nothing."""
+        coming, carrying, leaving = self._parts(problem, path)
+        knots = spline(coming).x
+        turn = knots[-1 - APPROACH_STEPS] if len(knots) > APPROACH_STEPS else 0.0
+        found = {
+            "coming": _violation(
+                self.manipulation, cols, coming, lambda s: bit(Phase.TRANSIT if s < turn else Phase.APPROACH)
+            ),
+            "carrying": _violation(self.manipulation, cols, carrying, bit(Phase.HOLD)),
+            "leaving": _violation(self.manipulation, cols, leaving, bit(Phase.RETREAT)),
+        }
+        return ", ".join(
+            f"{k} is {v * 1e3:.1f} mm too close between two steps" for k, v in found.items() if v > VERIFY_SLACK
+        )
+
+    def _pieces(self, problem: KomoProblem, path: np.ndarray) -> list[_Piece]:
+        coming, carrying, leaving = self._parts(problem, path)
+        free = free_opening(self.scene.robots[self.robot], self.contact)
+        held = self.contact.opening
+        q = _timed(self.scene, self.robot, coming, FREE_SPEED, FREE_ACCELERATION)
+        opened = _ramp(self.state.gripper[self.robot], free)
+        closed = _ramp(free, held)
+        coming_q = np.concatenate([np.repeat(q[:1], len(opened), 0), q, np.repeat(q[-1:], len(closed), 0)])
+        coming_opening = np.concatenate([opened, np.full(len(q), free), closed])
+        hold = _timed(self.scene, self.robot, carrying, HOLD_SPEED, HOLD_ACCELERATION)
+        T_ee_obj = inverse(self.contact.T_obj_ee)
+        base = self.scene.robots[self.robot].base_pose
+        arm = self.manipulation.arm
+        poses = np.array([multiply(multiply(base, arm.end_effector(x)), T_ee_obj) for x in hold])
+        back = _timed(self.scene, self.robot, leaving, FREE_SPEED, FREE_ACCELERATION)
+        released = _ramp(held, free)
+        leaving_q = np.concatenate([np.repeat(back[:1], len(released), 0), back])
+        leaving_opening = np.concatenate([released, np.full(len(back), free)])
+        kind = SegmentKind(self.contact.kind.value)
+        return [
+            _Piece(self.robot, SegmentKind.TRANSIT, coming_q, coming_opening),
+            _Piece(self.robot, kind, hold, np.full(len(hold), held), poses),
+            _Piece(self.robot, SegmentKind.TRANSIT, leaving_q, leaving_opening),
+        ]
+
+
+def _thinned(object_poses: np.ndarray, keyframes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Every few of the dense poses (K, 7) and their postures, as far apart as HOLD_STEP; the ends are kept."""
+    moved = np.array([distance(a, b) for a, b in zip(object_poses, object_poses[1:], strict=False)])
+    size = np.concatenate([[0.0], np.cumsum(np.maximum(moved[:, 0] / HOLD_STEP[0], moved[:, 1] / HOLD_STEP[1]))])
+    count = max(2, int(np.ceil(size[-1])) + 1)
+    keep = np.unique(np.searchsorted(size, np.linspace(0.0, size[-1], count) - 1e-9).clip(0, len(size) - 1))
+    keep[-1] = len(size) - 1
+    return object_poses[keep], keyframes[: len(object_poses)][keep]
+
+
+def _ramp(a: float, b: float) -> np.ndarray:
+    """Openings (N,) from a to b at the gripper's speed, then at rest while it settles; nothing where a is b."""
+    if abs(a - b) < 1e-9:
+        return np.zeros(0)
+    moving = int(np.ceil(abs(b - a) / GRIPPER_SPEED / SAMPLE_PERIOD))
+    return np.concatenate([np.linspace(a, b, moving + 1), np.full(int(SETTLE / SAMPLE_PERIOD), b)])
+
+
+def _assembled(scene: Scene, state: SceneState, object: str, contact: RobotContact, pieces) -> SegmentMotion:
+    """One trajectory from the pieces; neighbouring pieces share a sample."""
+    robots = list(dict.fromkeys(piece.robot for piece in pieces))
+    q = {name: [state.q[name][None]] for name in robots}
+    opening = {name: [np.array([state.gripper[name]])] for name in robots}
+    poses = [state.poses[object][None]]
+    segments: list[Segment] = []
+    at = 0  # samples so far, less one
+    for piece in pieces:
+        new = len(piece.q) - 1
+        if new == 0:
+            continue
+        for name in robots:
+            own = name == piece.robot
+            q[name].append(piece.q[1:] if own else np.repeat(q[name][-1][-1:], new, 0))
+            opening[name].append(piece.opening[1:] if own else np.repeat(opening[name][-1][-1:], new))
+        moves = piece.object_poses is not None
+        poses.append(piece.object_poses[1:] if moves else np.repeat(poses[-1][-1:], new, 0))
+        segments.append(
+            Segment(
+                start=at * SAMPLE_PERIOD,
+                end=(at + new) * SAMPLE_PERIOD,
+                robot=piece.robot,
+                manipulator=scene.robots[piece.robot].model.end_effector_link,
+                object=object if moves else None,
+                kind=piece.kind,
+                contact_pose=contact.contact.T_obj_ee if moves else None,
+            )
+        )
+        at += new
+    return SegmentMotion(
+        Trajectory(
+            np.arange(at + 1) * SAMPLE_PERIOD,
+            {name: np.concatenate(rows) for name, rows in q.items()},
+            {name: np.concatenate(rows) for name, rows in opening.items()},
+            {object: np.concatenate(poses)},
+        ),
+        tuple(segments),
+    )
