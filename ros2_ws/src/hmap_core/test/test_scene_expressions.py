@@ -19,8 +19,8 @@ def test_evaluates(expression: str, value: float) -> None:
 @pytest.mark.parametrize(
     "expression",
     [
-        "", "a # b", "a +", "c", "a**2", "a//b", "abs(a)", "a.real", "[a]", "'x'", "True", "1j", "a if b else 1", "a < b",
-        "lambda: 1", "1/0", "__import__('os')", "(" * 150 + ")" * 150, "a" * 300, "\0",
+        "", "a # b", "a +", "c", "a**2", "a//b", "abs(a)", "a.real", "[a]", "'x'", "True", "1j", "a if b else 1",
+        "a < b", "lambda: 1", "1/0", "__import__('os')", "(" * 150 + ")" * 150, "a" * 300, "\0",
         "9" * 150 + "*" + "9" * 40 + "e300",
     ],
 )  # fmt: skip
