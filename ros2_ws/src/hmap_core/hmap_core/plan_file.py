@@ -13,7 +13,8 @@ from pydantic_core import PydanticCustomError
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes.arrays import DECIMALS, PoseVector, Vector, array_of, listed, poses_of
 from hmap_core.scenes.json_schema import schema_folder, schema_text
-from hmap_core.scenes.portable import Data, SceneData, parse, read_json, scene_of, scene_to_dict
+from hmap_core.scenes.portable import read_json, scene_of, scene_to_dict
+from hmap_core.scenes.scene_data import Data, SceneData, parse
 from hmap_core.types import BodyKind, Plan, Segment, SegmentKind, Trajectory
 
 FORMAT = "hmap-plan"
