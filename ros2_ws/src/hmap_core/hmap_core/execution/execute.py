@@ -21,6 +21,7 @@ START_SETTLE = 0.2  # s for the bodies to come to rest before anything moves
 END_SETTLE = 2.0  # s at most for them to come to rest after it
 REST_VELOCITY = 0.002  # m/s and rad/s; slower counts as at rest
 GRIPPER_WAIT = 1.5  # s at most for the fingers to close or open before the arm moves on
+GRIP_TIME = 0.1  # s more for all of them to touch what they hold
 
 LOST = (Outcome.PATH_TOLERANCE_VIOLATED, Outcome.GOAL_TOLERANCE_VIOLATED)
 
@@ -142,7 +143,7 @@ class Execution:
         for name, distance in self._watcher.moved.items():
             return Code.GOAL_MISSED, f"'{name}' should stay and moved by {distance:.3f} m; {MOVED_LIMIT} m are allowed"
         distance, angle = self.plan.scene.execution_tolerance
-        if error.position_m > distance or error.rotation_deg > np.rad2deg(angle):
+        if not (error.position_m <= distance and error.rotation_deg <= np.rad2deg(angle)):  # nor when not a number
             return Code.GOAL_MISSED, (
                 f"'{self.plan.scene.goal.object}' ends {error.position_m:.3f} m and {error.rotation_deg:.1f} deg from "
                 f"its goal; {distance:.3f} m and {np.rad2deg(angle):.1f} deg are allowed"
@@ -158,14 +159,21 @@ class Execution:
         while any(g.active for g in self._grippers.values()) and self.world.time - started < GRIPPER_WAIT:
             self._step(stretch.first)
         for robot, body in stretch.held.items():
-            if not self._watcher.touches_fingers(robot, body, every_finger=True):
-                opening = self.world.robot(robot).gripper_state()[0]
+            self._check_grip(robot, body, stretch.first)
+        self._held = dict(stretch.held)
+
+    def _check_grip(self, robot: str, body: str, sample: int) -> None:
+        """Make sure that every finger touches the body, given a moment to do so."""
+        until = self.world.time + GRIP_TIME
+        while not self._watcher.touches_fingers(robot, body, every_finger=True):
+            if self.world.time > until:
+                opening, t = self.world.robot(robot).gripper_state()[0], self.plan.trajectory.time[sample]
                 raise ExecutionError(
-                    f"the gripper of '{robot}' closed to {opening:.3f} m at "
-                    f"{self.plan.trajectory.time[stretch.first]:.2f} s without '{body}' between its fingers",
+                    f"the gripper of '{robot}' closed to {opening:.3f} m at {t:.2f} s without '{body}' between its "
+                    "fingers",
                     Code.OBJECT_DROPPED,
                 )
-        self._held = dict(stretch.held)
+            self._step(sample)
 
     def _command_grippers(self, stretch: Stretch, t: float) -> None:
         for name, gripper in self._grippers.items():

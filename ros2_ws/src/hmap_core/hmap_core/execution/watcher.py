@@ -85,7 +85,7 @@ class Watcher:
                 self.moved[name] = distance
         planned = self._planned(name, sample)
         drop, tilt = planned[2] - pose[2], _tilt(planned, pose)
-        if name not in self.fell and (drop > FALL_LIMIT or tilt > TOPPLE_LIMIT):
+        if name not in self.fell and not (drop <= FALL_LIMIT and tilt <= TOPPLE_LIMIT):  # nor when not a number
             t = float(self._plan.trajectory.time[sample])
             self.fell[name] = t
             raise ExecutionError(
