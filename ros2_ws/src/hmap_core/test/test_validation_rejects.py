@@ -252,6 +252,16 @@ def test_untouched_rotation(carry):
     assert "untouched_motion" in plans.kinds(check(carry))
 
 
+def test_a_fixed_body_that_moves(urdf):
+    block = plans.box("block", (0.05, 0.05, 0.05), (0.5, -0.5, 0.5), "fixed")
+    plan = plans.carry(urdf, extra=(block,))
+    N = len(plan["trajectory"]["time"])
+    plan["trajectory"]["objects"]["block"] = [plans.pose(0.5, -0.5, 0.5 + 0.0002 * k) for k in range(N)]
+    report = check(plan)
+    assert plans.kinds(report) == {"untouched_motion"}
+    assert plans.worst(report, Kind.UNTOUCHED_MOTION).bodies == ("block",)
+
+
 def test_motion_in_a_segment_whose_fingers_are_away(carry):
     carry["trajectory"]["gripper"]["gantry"] = [plans.OPEN] * len(carry["trajectory"]["time"])
     found = plans.kinds(check(carry))
@@ -312,6 +322,28 @@ def test_slip_by_rotation(carry):
         poses[k] = turned(poses[k], 0.7 * min(1.0, (k - first) / (last - first)))
     found = plans.worst(check(carry), Kind.SLIP)
     assert (found.amount, found.limit) == (pytest.approx(0.7, abs=1e-3), pytest.approx(0.5))
+
+
+def test_slip_that_creeps_through_many_segments(carry):
+    """Each of ten segments slips by 0.5 mm and says so in its contact pose: together they are 5 mm."""
+    entry = next(s for s in carry["segments"] if s["kind"] == "grasp" and s["start"] == pytest.approx(2.0))
+    poses, hand = carry["trajectory"]["objects"]["cube"], joints(carry)
+    first, last = plans.sample(carry, entry["start"]), plans.sample(carry, entry["end"])
+    for k in range(first, len(poses)):
+        poses[k][0] -= 0.005 * min(1.0, (k - first) / (last - first))
+    carry["segments"].remove(entry)
+    for i in range(10):
+        begin, end = first + 4 * i, first + 4 * (i + 1)
+        contact = plans.pose(*(np.array(hand[begin]) - poses[begin][:3]))
+        times = {"start": begin * plans.DT, "end": end * plans.DT}
+        carry["segments"].append(entry | times | {"contact_pose": contact})
+    for entry in carry["segments"]:
+        if entry["contact_pose"] and entry["start"] > 2.79:
+            entry["contact_pose"][0] += 0.005
+    carry["goal"]["pose"][0] -= 0.005
+    report = check(carry)
+    assert plans.kinds(report) == {"slip"}
+    assert plans.worst(report, Kind.SLIP).amount == pytest.approx(0.005, abs=1e-6)
 
 
 def test_slip_of_a_held_tool(urdf):

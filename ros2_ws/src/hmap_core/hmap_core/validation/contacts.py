@@ -1,6 +1,6 @@
 """Who holds what when: contact segments, slip, and objects that move by themselves."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,8 +18,10 @@ class Contact:
 
     Attributes:
         segment: where it comes from; its times and samples.
-        manipulator: the links of the robot that may touch, or the tool.
+        kind, object: what is done to what.
+        expected: the manipulator's frame in the object's, (7,), as the file says; None when it does not.
         held_tool: this is the robot's hold on the tool with which the segment touches its object.
+        began: the sample since which the two touch without a break, maybe through several segments.
     """
 
     world: World
@@ -28,6 +30,7 @@ class Contact:
     object: str
     expected: np.ndarray | None
     held_tool: bool = False
+    began: int = 0
 
     @property
     def robot(self) -> str:
@@ -108,14 +111,24 @@ def _witness(world: World, a: Part, b: Part, k: int) -> tuple[float, np.ndarray,
 
 
 def collect(world: World) -> list[Contact]:
-    """All contacts, and for each that a tool makes, the robot's hold on the tool."""
-    contacts = []
+    """All contacts by time, and for each that a tool makes, the robot's hold on the tool."""
+    contacts: list[Contact] = []
     for segment in world.document.contacts:
         contact = Contact(world, segment, segment.kind, segment.object, segment.contact_pose)
         contacts.append(contact)
         if contact.by_tool:
             contacts.append(_hold(world, segment))
-    return contacts
+    return _linked(contacts)
+
+
+def _linked(contacts: list[Contact]) -> list[Contact]:
+    """The same contacts, each with the beginning of the unbroken row it belongs to."""
+    linked: list[Contact] = []
+    for contact in contacts:
+        key = contact.bodies, contact.segment.first
+        before = next((c for c in linked if (c.bodies, c.segment.last) == key), None)
+        linked.append(replace(contact, began=before.began if before else contact.segment.first))
+    return linked
 
 
 def _hold(world: World, segment: SegmentData) -> Contact:
@@ -139,7 +152,10 @@ def _worst(distances: np.ndarray, angles: np.ndarray) -> tuple[int, float, float
 
 
 def _check_pose(contact: Contact, findings: Findings) -> None:
-    """The relative pose at the contact's start, and its constancy at the samples and half-way between."""
+    """The relative pose at the contact's start, and its constancy at the samples and half-way between.
+
+    Constant means as when the two first touched: a row of short segments may not creep.
+    """
     world, segment = contact.world, contact.segment
     R, p = contact.relative(world.state, contact.window)
     if contact.expected is not None:
@@ -149,7 +165,8 @@ def _check_pose(contact: Contact, findings: Findings) -> None:
     steps = np.arange(segment.first, segment.last)
     R_half, p_half = contact.relative(world.between(steps, np.full(len(steps), 0.5)), slice(None))
     times = np.concatenate([world.document.time[contact.window], world.document.time[steps] + world.document.dt / 2])
-    off = rigid.deviation(np.concatenate([R, R_half]), np.concatenate([p, p_half]), R[0], p[0])
+    (R0,), (p0,) = contact.relative(world.state, slice(contact.began, contact.began + 1))
+    off = rigid.deviation(np.concatenate([R, R_half]), np.concatenate([p, p_half]), R0, p0)
     k, amount, limit = _worst(*off)
     findings.check(Kind.SLIP, contact.bodies, times[k], amount, limit)
 
