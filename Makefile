@@ -1,0 +1,63 @@
+# make demo   sets everything up and runs the tunnel task with the whole node graph
+# make test   sets everything up and runs all tests
+# make setup  only sets up: .venv, with the command .venv/bin/hmap
+#
+# Every step leaves a stamp in .venv/stamps and is done again only when what it depends on has changed.
+
+PYTHON ?= python3.11
+VENV := .venv
+STAMPS := $(VENV)/stamps
+PIP := $(VENV)/bin/pip --disable-pip-version-check
+SOURCES := ros2_ws/src
+PACKAGES := $(SOURCES)/hmap_scenes $(SOURCES)/hmap_core hmap_msgs_py $(SOURCES)/hmap
+
+INTERFACE_FILES := $(shell find $(SOURCES)/hmap_msgs $(SOURCES)/compat -type f) cmake/ros_wheels.cmake colcon.meta tools/build_interfaces.sh
+CORE_FILES := $(shell find $(SOURCES)/hmap_core/hmap_core -name '*.py')
+
+.DELETE_ON_ERROR:
+.PHONY: setup demo test lint lock clean
+
+setup: $(STAMPS)/packages $(STAMPS)/precompiled
+
+demo: setup
+	$(VENV)/bin/hmap up tunnel --seed 0
+
+test: setup lint
+	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/pytest $(PYTEST_ARGS)
+
+lint: $(STAMPS)/dependencies
+	$(VENV)/bin/ruff check .
+
+$(STAMPS)/dependencies: requirements.lock tools/system_libraries.sh
+	tools/system_libraries.sh $(PYTHON)
+	test -x $(VENV)/bin/python || $(PYTHON) -m venv $(VENV)
+	$(PIP) install --quiet --no-deps -r requirements.lock
+	mkdir -p $(STAMPS) && touch $@
+
+$(STAMPS)/interfaces: $(STAMPS)/dependencies $(INTERFACE_FILES)
+	tools/build_interfaces.sh $(VENV)
+	touch $@
+
+# "compat": a plain path entry. The finder that is the default would lose to a folder of the package's name in the
+# working directory, as hmap_msgs_py has one here.
+$(STAMPS)/packages: $(STAMPS)/interfaces $(addsuffix /setup.py,$(PACKAGES))
+	PYTHONWARNINGS=ignore $(PIP) install --quiet --no-deps --no-build-isolation --config-settings editable_mode=compat \
+		$(addprefix --editable ,$(PACKAGES))
+	touch $@
+
+# Compiles the planner's hot loops into the caches, so that no user waits for it.
+$(STAMPS)/precompiled: $(STAMPS)/packages $(CORE_FILES)
+	if [ -f $(SOURCES)/hmap_core/hmap_core/precompile.py ]; then $(VENV)/bin/python -m hmap_core.precompile; fi
+	touch $@
+
+# Renews requirements.lock from requirements.txt, in an environment of its own.
+lock:
+	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
+	.venv-lock/bin/pip install --quiet -r requirements.txt
+	.venv-lock/bin/python tools/lock.py > requirements.lock
+	rm -rf .venv-lock
+
+clean:
+	rm -rf $(VENV) .venv-lock ros2_ws/build ros2_ws/install ros2_ws/log
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+	find . -name '*.egg-info' -type d -prune -exec rm -rf {} +

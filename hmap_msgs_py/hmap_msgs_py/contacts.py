@@ -1,0 +1,93 @@
+"""Contact candidates and their feasibility <-> messages."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hmap_msgs.msg import ContactCandidate, ContactFeasibility, ErrorCode
+from hmap_msgs_py.checks import ConversionError, field, finite, one_of
+from hmap_msgs_py.poses import (
+    direction_from_message,
+    direction_to_message,
+    point_from_message,
+    point_to_message,
+    pose_from_message,
+    pose_to_message,
+)
+
+KINDS = (ContactCandidate.TOUCH, ContactCandidate.GRASP, ContactCandidate.PUSH)
+
+
+def contact_to_message(
+    contact: Any,
+    robot: str,
+    object_name: str,
+    reach: int = 0,
+    keyframes: np.ndarray | None = None,
+    clear: Sequence[str] = (),
+) -> ContactCandidate:
+    """A contact of ``robot`` with an object as a message.
+
+    Args:
+        contact: has ``kind``, ``T_obj_ee`` (7,), ``point`` (3,), ``normal`` (3,), ``opening``, ``approach`` (3,) and
+            ``score``.
+        robot: name of the robot.
+        object_name: name of the object.
+        reach: index of the farthest object pose to which the contact serves.
+        keyframes: arm postures (reach + 1, n) in rad at the object poses.
+        clear: other robots that have to go home before.
+    """
+    return ContactCandidate(
+        robot=robot,
+        object=object_name,
+        kind=one_of("kind of contact", field(contact, "kind"), KINDS),
+        pose=pose_to_message(field(contact, "T_obj_ee"), "contact pose"),
+        point=point_to_message(field(contact, "point"), "contact point"),
+        normal=direction_to_message(field(contact, "normal"), "contact normal"),
+        opening=float(finite("opening", field(contact, "opening"), ())),
+        approach=direction_to_message(field(contact, "approach"), "approach"),
+        score=float(finite("score", field(contact, "score"), ())),
+        reach=reach,
+        keyframes=_flat(keyframes),
+        clear=list(clear),
+    )
+
+
+def contact_from_message(message: ContactCandidate) -> dict:
+    """``{kind, T_obj_ee, point, normal, opening, approach, score}``; robot, object, reach and clear are in the message."""
+    return {
+        "kind": one_of("kind of contact", message.kind, KINDS),
+        "T_obj_ee": pose_from_message(message.pose, "contact pose"),
+        "point": point_from_message(message.point, "contact point"),
+        "normal": direction_from_message(message.normal, "contact normal"),
+        "opening": float(finite("opening", message.opening, ())),
+        "approach": direction_from_message(message.approach, "approach"),
+        "score": float(finite("score", message.score, ())),
+    }
+
+
+def feasibility_to_message(
+    keyframes: np.ndarray | None, error: ErrorCode | None = None, clear: Sequence[str] = ()
+) -> ContactFeasibility:
+    """The postures (P, n) in rad that keep a contact at the first P object poses; None, with the reason: infeasible."""
+    if keyframes is None:
+        return ContactFeasibility(feasible=False, error=error or ErrorCode(code=ErrorCode.NO_CONTACT, stage="contacts"))
+    reach = len(keyframes) - 1
+    return ContactFeasibility(feasible=True, reach=reach, keyframes=_flat(keyframes), clear=list(clear))
+
+
+def feasibility_from_message(message: ContactFeasibility, joints: int) -> np.ndarray | None:
+    """The postures (P, joints) of a feasible contact; None for one that is not."""
+    return keyframes_from_message(message, joints) if message.feasible else None
+
+
+def keyframes_from_message(message: ContactCandidate | ContactFeasibility, joints: int) -> np.ndarray:
+    """The arm postures (P, joints) in rad; P is 0 where none are given."""
+    if len(message.keyframes) % joints:
+        raise ConversionError(f"keyframes has {len(message.keyframes)} values; it must have rows of {joints}")
+    return finite("keyframes", message.keyframes).reshape(-1, joints)
+
+
+def _flat(keyframes: np.ndarray | None) -> list[float]:
+    return [] if keyframes is None else finite("keyframes", keyframes, (None, None)).ravel().tolist()

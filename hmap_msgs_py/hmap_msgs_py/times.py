@@ -1,0 +1,80 @@
+"""Times, durations and joint trajectories <-> messages. Seconds; a float64 keeps wall-clock stamps to 0.3 us."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from builtin_interfaces.msg import Duration, Time
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from hmap_msgs_py.checks import ConversionError, finite, same_length
+
+NANOSECONDS = 1_000_000_000
+
+
+def time_to_message(seconds: float) -> Time:
+    """Seconds since the epoch of the clock as a message."""
+    return Time(**_split(seconds))
+
+
+def duration_to_message(seconds: float) -> Duration:
+    """Seconds as a message."""
+    return Duration(**_split(seconds))
+
+
+def seconds_from_message(message: Time | Duration) -> float:
+    """Seconds of a stamp or a duration."""
+    return message.sec + message.nanosec / NANOSECONDS
+
+
+def joint_trajectory_to_message(
+    joint_names: Sequence[str], time: np.ndarray, positions: np.ndarray, velocities: np.ndarray | None = None
+) -> JointTrajectory:
+    """Samples (N, n) of n joints, rad or m, at times (N,) in seconds from the start, as a message.
+
+    A controller that gets no velocities interpolates linearly; the last velocity must be zero for it to accept them.
+    """
+    names = list(joint_names)
+    stamps = finite("time", time, (None,))
+    rows = finite("positions", positions, (len(stamps), len(names)))
+    rates = None if velocities is None else finite("velocities", velocities, rows.shape)
+    points = [
+        JointTrajectoryPoint(
+            time_from_start=duration_to_message(stamps[i]),
+            positions=rows[i].tolist(),
+            velocities=[] if rates is None else rates[i].tolist(),
+        )
+        for i in range(len(stamps))
+    ]
+    return JointTrajectory(joint_names=names, points=points)
+
+
+def joint_trajectory_from_message(
+    message: JointTrajectory, joint_names: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Times (N,), positions (N, n) and velocities (N, n) or None; columns in the order of ``joint_names``.
+
+    Raises:
+        ConversionError: when the joints are others, sizes do not fit, times do not increase or a value is not finite.
+    """
+    given = list(message.joint_names)
+    if sorted(given) != sorted(joint_names):
+        raise ConversionError(f"the trajectory is for {', '.join(given)}; it must be for {', '.join(joint_names)}")
+    for i, point in enumerate(message.points):
+        same_length(f"positions of point {i}", point.positions, len(given), "joints")
+        if len(point.velocities):
+            same_length(f"velocities of point {i}", point.velocities, len(given), "joints")
+    time = np.array([seconds_from_message(point.time_from_start) for point in message.points])
+    if np.any(np.diff(time) <= 0.0):
+        raise ConversionError("the times of the trajectory must increase")
+    columns = [given.index(name) for name in joint_names]
+    shape = (len(time), len(given))
+    positions = finite("positions", np.array([point.positions for point in message.points]).reshape(shape))
+    if not len(time) or not all(len(point.velocities) for point in message.points):
+        return time, positions[:, columns], None
+    velocities = finite("velocities", np.array([point.velocities for point in message.points]), shape)
+    return time, positions[:, columns], velocities[:, columns]
+
+
+def _split(seconds: float) -> dict[str, int]:
+    nanoseconds = round(float(finite("time", seconds, ())) * NANOSECONDS)
+    return {"sec": nanoseconds // NANOSECONDS, "nanosec": nanoseconds % NANOSECONDS}

@@ -1,0 +1,113 @@
+"""Scenes, robots' states and the world's state <-> messages."""
+
+import json
+from collections.abc import Iterable
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from std_msgs.msg import Header
+
+from hmap_msgs.msg import RobotState, Scene, WorldState
+from hmap_msgs_py.bodies import body_from_message, body_to_message
+from hmap_msgs_py.checks import ConversionError, field, finite, one_of
+from hmap_msgs_py.poses import pose_from_message, pose_to_message
+
+MODES = (Scene.KINEMATIC, Scene.PHYSICAL)
+WORLD_FRAME = "world"
+
+
+def scene_to_message(definition: dict) -> Scene:
+    """A scene's definition, a JSON value with ``task``, ``seed`` and ``mode``, as a message that holds it as text."""
+    return Scene(
+        task=definition["task"],
+        seed=int(definition["seed"]),
+        mode=one_of("mode", definition["mode"], MODES),
+        text=json.dumps(definition, allow_nan=False),
+    )
+
+
+def scene_from_message(message: Scene) -> dict:
+    """The definition that a scene message holds.
+
+    Raises:
+        ConversionError: when its text is not the JSON of an object.
+    """
+    try:
+        definition = json.loads(message.text)
+    except json.JSONDecodeError as error:
+        raise ConversionError(f"the text of scene {message.task!r} is not JSON: {error}") from None
+    if not isinstance(definition, dict):
+        given = type(definition).__name__
+        raise ConversionError(f"the text of scene {message.task!r} must be a JSON object, not {given}")
+    return definition
+
+
+def robot_state_to_message(state: Any) -> RobotState:
+    """The state of an arm as a message.
+
+    Args:
+        state: has ``name``, ``model``, ``base_pose`` (7,), ``joint_names``, ``q`` (n,), ``gripper`` (opening in metres)
+            and maybe ``velocity`` (n,).
+    """
+    name, joint_names = field(state, "name"), list(field(state, "joint_names"))
+    velocity = field(state, "velocity", None)
+    n = len(joint_names)
+    return RobotState(
+        name=name,
+        model=field(state, "model"),
+        base_pose=pose_to_message(field(state, "base_pose"), f"base pose of {name!r}"),
+        joint_names=joint_names,
+        position=finite(f"position of {name!r}", field(state, "q"), (n,)).tolist(),
+        velocity=[] if velocity is None else finite(f"velocity of {name!r}", velocity, (n,)).tolist(),
+        gripper_opening=float(finite(f"gripper of {name!r}", field(state, "gripper"), ())),
+    )
+
+
+def robot_state_from_message(message: RobotState) -> dict:
+    """``{name, model, base_pose, joint_names, q, velocity or None, gripper}``."""
+    n = len(message.joint_names)
+    velocity = finite(f"velocity of {message.name!r}", message.velocity, (n,)) if len(message.velocity) else None
+    return {
+        "name": message.name,
+        "model": message.model,
+        "base_pose": pose_from_message(message.base_pose, f"base pose of {message.name!r}"),
+        "joint_names": tuple(message.joint_names),
+        "q": finite(f"position of {message.name!r}", message.position, (n,)),
+        "velocity": velocity,
+        "gripper": float(finite(f"gripper of {message.name!r}", message.gripper_opening, ())),
+    }
+
+
+def world_state_to_message(
+    task: str, seed: int, mode: str, robots: Iterable[Any], bodies: Iterable[Any], stamp: Time | None = None
+) -> WorldState:
+    """Everything at one instant: robots as :func:`robot_state_to_message` takes them, bodies where they are."""
+    return WorldState(
+        header=Header(stamp=stamp or Time(), frame_id=WORLD_FRAME),
+        task=task,
+        seed=seed,
+        mode=one_of("mode", mode, MODES),
+        robots=[robot_state_to_message(robot) for robot in robots],
+        bodies=[body_to_message(body) for body in bodies],
+    )
+
+
+def world_state_from_message(message: WorldState) -> dict:
+    """``{task, seed, mode, robots, bodies, q, gripper, poses}``.
+
+    ``robots`` and ``bodies`` are dicts by name; ``q``, ``gripper`` and ``poses`` are what a SceneState takes.
+    """
+    robots = {robot.name: robot_state_from_message(robot) for robot in message.robots}
+    bodies = {body.name: body_from_message(body) for body in message.bodies}
+    if len(robots) != len(message.robots) or len(bodies) != len(message.bodies):
+        raise ConversionError("two robots or two bodies of the world state have the same name")
+    return {
+        "task": message.task,
+        "seed": message.seed,
+        "mode": one_of("mode", message.mode, MODES),
+        "robots": robots,
+        "bodies": bodies,
+        "q": {name: robot["q"] for name, robot in robots.items()},
+        "gripper": {name: robot["gripper"] for name, robot in robots.items()},
+        "poses": {name: body["pose"] for name, body in bodies.items()},
+    }

@@ -1,0 +1,37 @@
+from glob import glob
+
+from setuptools import find_packages, setup
+
+PACKAGE = "hmap"
+NODES = (
+    "world",
+    "perception",
+    "waypoint_planner",
+    "contact_proposer",
+    "komo_optimiser",
+    "supervisor",
+    "recorder",
+)
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    description="The ROS 2 nodes of hmap.",
+    author="The hmap authors",
+    license="Apache-2.0",
+    python_requires=">=3.11",
+    install_requires=["hmap_core", "hmap_msgs_py", "hmap_scenes", "rosbags"],
+    packages=find_packages(exclude=["test"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+        (f"share/{PACKAGE}/params", glob("params/*")),
+        (f"share/{PACKAGE}/launch", glob("launch/*.py")),
+    ],
+    entry_points={
+        "console_scripts": [f"{node} = hmap.nodes.{node}:main" for node in NODES],
+        # sub-commands of the command `hmap`
+        "hmap.commands": ["run = hmap.commands.run", "up = hmap.commands.up"],
+    },
+    zip_safe=False,
+)

@@ -1,0 +1,38 @@
+from setuptools import find_packages, setup
+
+PACKAGE = "hmap_core"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    description="The planner of hmap, free of ROS.",
+    author="The hmap authors",
+    license="Apache-2.0",
+    python_requires=">=3.11",
+    # Why each is there is said in requirements.txt, which also has the versions that are known to work.
+    install_requires=[
+        "casadi",
+        "coal",
+        "hmap_scenes",
+        "jsonschema",
+        "matplotlib",
+        "numba",
+        "numpy",
+        "ompl>=2.0.1",
+        "open3d-cpu",
+        "pybullet",
+        "pydantic",
+        "ruamel.yaml",
+        "scipy",
+        "toppra",
+        "trimesh",
+    ],
+    packages=find_packages(exclude=["test"]),
+    package_data={PACKAGE: ["**/*.json", "**/*.yaml"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    entry_points={"console_scripts": ["hmap = hmap_core.cli:main"]},
+    zip_safe=False,
+)
