@@ -55,7 +55,7 @@ def contact_to_message(
 
 
 def contact_from_message(message: ContactCandidate) -> dict:
-    """``{kind, T_obj_ee, point, normal, opening, approach, score}``; robot, object, reach and clear are in the message."""
+    """``{kind, T_obj_ee, point, normal, opening, approach, score}``; the rest is in the message."""
     return {
         "kind": one_of("kind of contact", message.kind, KINDS),
         "T_obj_ee": pose_from_message(message.pose, "contact pose"),

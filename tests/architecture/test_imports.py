@@ -22,7 +22,7 @@ MAY_IMPORT = {
 OURS = {"hmap", "hmap_core", "hmap_msgs", "hmap_msgs_py", "hmap_scenes"}
 ROS_PREFIXES = ("rclpy", "rcl_", "ament_", "rosidl_", "launch", "tf2_", "rosbag2")
 
-# Inside hmap_core a module imports modules of lower layers, and of its own layer where that makes no circle; lowest first.
+# Inside hmap_core a module imports modules of lower layers, and of its own where that makes no circle; lowest first.
 LAYERS = (
     {"exceptions", "transforms"},
     {"types"},
@@ -138,8 +138,8 @@ def test_checker_sees_what_it_should(tmp_path):
     package = tmp_path / "pkg"
     (package / "sub").mkdir(parents=True)
     file = package / "sub" / "a.py"
-    lines = ["def f():", "    import rclpy.node", "from ..other import x", "from . import y", "from sensor_msgs.msg import Image"]
-    file.write_text("\n".join(lines))
+    inside = "def f():\n    import rclpy.node\n"
+    file.write_text(inside + "from ..other import x\nfrom . import y\nfrom sensor_msgs.msg import Image\n")
     found = imports(file, package)
     assert found == {"rclpy.node", "pkg.other.x", "pkg.sub.y", "sensor_msgs.msg.Image"}
     assert is_ros("sensor_msgs") and is_ros("rclpy") and not is_ros("hmap_msgs_py") and not is_ros("numpy")
