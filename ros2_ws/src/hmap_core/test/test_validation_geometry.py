@@ -73,7 +73,7 @@ def test_link_frames_agree_with_pybullet(panda):
 
 
 def test_motion_bounds_hold_and_are_not_wild(panda):
-    """No point of a link moves more than the bound between two samples; the bound is at most twice the real motion."""
+    """No point of a link moves more than the bound between two samples, which is under 1 m for each radian turned."""
     rng = np.random.default_rng(2)
     for shape in panda.tree.shapes:
         if not panda.moving(shape.link):
@@ -91,7 +91,7 @@ def test_motion_bounds_hold_and_are_not_wild(panda):
         world = np.einsum("kij,vj->kvi", R, points) + p[:, None]
         travelled = np.linalg.norm(np.diff(world, axis=0), axis=2).sum(axis=0).max()
         assert travelled <= bound + 1e-12
-        assert bound < 0.3
+        assert bound < 0.35  # seven joints by at most 0.05 rad
 
 
 def test_adjacent_links_of_the_panda(panda):

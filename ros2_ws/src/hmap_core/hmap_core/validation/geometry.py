@@ -13,7 +13,7 @@ from hmap_core.validation.files import locate, mesh_points, unusable
 
 RIM = 64  # corners by which a circle is replaced where a polytope is needed
 BALL = 128  # points by which a ball is replaced there; two of them are its exact top and bottom
-NO_ANSWER = 1e3  # m; coal reports nonsense larger than any scene when its iteration fails
+NO_ANSWER = 1e3  # m, larger than any scene; what is beyond is no distance, and never lets a plan pass
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,10 +169,10 @@ class Gauge:
         self.result = coal.DistanceResult()
 
     def distance(self, Ta, Tb) -> float:
-        """Signed distance in metres at two coal transforms."""
+        """Signed distance in metres at two coal transforms; a penetration of ``NO_ANSWER`` when coal finds none."""
         self.result.clear()
         value = self._compute(Ta, Tb, _request(), self.result)
-        return value if abs(value) < NO_ANSWER else 0.0
+        return value if abs(value) < NO_ANSWER else -NO_ANSWER
 
     def witness(self, Ta, Tb) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
         """Signed distance, the nearest (deepest) points (3,) of both, and the unit normal from a to b."""

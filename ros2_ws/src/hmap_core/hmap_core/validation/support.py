@@ -85,6 +85,7 @@ class Supporter:
     def __init__(self, world: World):
         self._world = world
         self._bodies = [part for part in world.parts if part.link is None]
+        self._known: dict[tuple, tuple[float, np.ndarray | None]] = {}  # most bodies stand still most of the time
 
     def at(self, name: str, k: int) -> Support:
         """What carries a body at sample k."""
@@ -92,7 +93,7 @@ class Supporter:
         for part in self._world.parts_of(name):
             for other in self._bodies:
                 if other.holder != name:
-                    distance, place = self._contact(part, other, k)
+                    distance, place = self._remembered(part, other, k)
                     gap = min(gap, distance)
                     if place is not None:
                         carriers.add(other.holder)
@@ -101,6 +102,13 @@ class Supporter:
             return Support(frozenset(), gap, -np.inf)
         center = center_of_mass(self._world, name, k)
         return Support(frozenset(carriers), gap, _inside(np.vstack(places), center[:2]))
+
+    def _remembered(self, part: Part, other: Part, k: int) -> tuple[float, np.ndarray | None]:
+        poses = self._world.poses
+        key = part, other, poses[part.holder][k].tobytes(), poses[other.holder][k].tobytes()
+        if key not in self._known:
+            self._known[key] = self._contact(part, other, k)
+        return self._known[key]
 
     def _contact(self, part: Part, other: Part, k: int) -> tuple[float, np.ndarray | None]:
         """The distance in metres, and where the other part carries this one: corners (n, 3)."""
