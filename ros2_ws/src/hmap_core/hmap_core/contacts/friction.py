@@ -9,7 +9,7 @@ edges of the friction cones at its two ends: the stable push (Lynch & Mason, IJR
 import numpy as np
 from numba import njit
 
-# sides of the grid of points that stands for the area of contact with the support
+# each foot's area of contact is summed over a grid of GRID x GRID points
 GRID = 24
 # the wrench may miss the cone by rounding, weights of unit forces
 _ROUNDING = 1e-9
@@ -22,16 +22,26 @@ def characteristic_length(polygons: list[np.ndarray], centre: np.ndarray) -> flo
 
     ``polygons`` are convex and counter-clockwise, (n, 2) each; where they overlap counts once.
     """
-    corners = np.concatenate(polygons)
-    lower, upper = corners.min(0), corners.max(0)
     u = (np.arange(GRID) + 0.5) / GRID
-    grid = lower + np.stack(np.meshgrid(u, u), axis=-1).reshape(-1, 2) * (upper - lower)
-    inside = np.zeros(len(grid), bool)
-    for polygon in polygons:
-        edge = polygon - np.roll(polygon, 1, axis=0)
-        away = grid[:, None] - np.roll(polygon, 1, axis=0)
-        inside |= np.all(edge[:, 0] * away[..., 1] - edge[:, 1] * away[..., 0] >= 0.0, axis=1)
-    return float(np.linalg.norm(grid[inside] - centre, axis=1).mean())
+    unit = np.stack(np.meshgrid(u, u), axis=-1).reshape(-1, 2)
+    weighted, total = 0.0, 0.0
+    for k, polygon in enumerate(polygons):
+        lower, size = polygon.min(axis=0), np.ptp(polygon, axis=0)
+        grid = lower + unit * size
+        grid = grid[_inside(grid, polygon)]
+        for earlier in polygons[:k]:
+            grid = grid[~_inside(grid, earlier)]
+        cell = size[0] * size[1]
+        weighted += cell * np.linalg.norm(grid - centre, axis=1).sum()
+        total += cell * len(grid)
+    return float(weighted / total)
+
+
+def _inside(points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
+    """Whether points (N, 2) lie in a convex counter-clockwise polygon (n, 2)."""
+    before = np.roll(polygon, 1, axis=0)
+    edge, away = polygon - before, points[:, None] - before
+    return np.all(edge[:, 0] * away[..., 1] - edge[:, 1] * away[..., 0] >= 0.0, axis=1)
 
 
 def needed_wrench(twist: np.ndarray, length: float) -> np.ndarray:

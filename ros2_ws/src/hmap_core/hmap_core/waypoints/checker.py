@@ -132,10 +132,14 @@ class ObjectChecker:
         if kernels.free_until(T0, T1, *self._a, *self._b, self.required, more, hit) < 1.0:
             self.blocked[hit[0]] += 1
             return False
+        return self.supported_along(T0, T1)
+
+    def supported_along(self, T0: np.ndarray, T1: np.ndarray) -> bool:
+        """Whether the body stays on its support, where it has to, all the way from T0 to T1."""
         return self.support is None or self.support.holds_along(T0, T1)
 
     def free_part(self, T0: np.ndarray, T1: np.ndarray) -> float:
-        """Parameter in [0, 1] up to which the motion from T0 to T1 touches nothing."""
+        """Parameter in [0, 1] up to which the motion from T0 to T1 touches nothing; support is not looked at."""
         self.checks += 1
         return float(kernels.free_until(T0, T1, *self._a, *self._b, self.required, self._no_extra, np.array([-1, 1])))
 

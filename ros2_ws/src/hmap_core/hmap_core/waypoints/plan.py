@@ -6,9 +6,10 @@ import numpy as np
 
 from hmap_core.transforms import rotation_matrix
 from hmap_core.waypoints.checker import Geometry, ObjectChecker, check_ends, flattened
+from hmap_core.waypoints.kernels import lengths
 from hmap_core.waypoints.problem import NoObjectPath, ObjectPath, ObjectPathProblem
 from hmap_core.waypoints.resample import cut, resample
-from hmap_core.waypoints.roadmap import direct_path, exits
+from hmap_core.waypoints.roadmap import SAME_POSE, direct_path, exits
 from hmap_core.waypoints.rrt import rrt_path
 from hmap_core.waypoints.shorten import smooth
 
@@ -96,26 +97,15 @@ def _corners(problem, checker, rng, deadline) -> np.ndarray | None:
     start = np.asarray(problem.start, float)
     goal = flattened(problem, problem.goal) if checker.planar else np.asarray(problem.goal, float)
     bounds = search_bounds(problem, checker)
-    reach = float(np.linalg.norm(bounds[1] - bounds[0]))
-    path = direct_path(checker, start, goal, reach)
+    path = direct_path(checker, start, goal, bounds)
     if path is None:
-        inside = [
-            [
-                T,
-                *(
-                    e
-                    for e in exits(checker, T, other, reach)
-                    if np.all(e[:3] >= bounds[0]) and np.all(e[:3] <= bounds[1])
-                ),
-            ]
-            for T, other in ((start, goal), (goal, start))
-        ]
-        path = rrt_path(checker, *inside, bounds, rng, deadline)
+        ends = [[T, *exits(checker, T, other, bounds)] for T, other in ((start, goal), (goal, start))]
+        path = rrt_path(checker, *ends, bounds, rng, deadline)
         if path is None:
             return None
         # a tree may begin at an exit; the way from the true end to it was found free
         path = np.concatenate([start[None], path, goal[None]])
-        path = path[np.r_[True, np.linalg.norm(np.diff(path, axis=0), axis=1) > 1e-9]]
+        path = path[np.concatenate(([True], lengths(path, checker.radius) > SAME_POSE))]
     return smooth(checker, path, rng)
 
 
@@ -130,24 +120,35 @@ def _finished(problem, checker, corners) -> ObjectPath:
 
 def _failure(problem, checkers, rng, deadline) -> NoObjectPath:
     """Name what blocks, and whether a path exists without the removable bodies."""
-    blockers: list[str] = []
+    straight: list[str] = []
+    frontier: list[str] = []
+    leaves = ""
     for checker in checkers:
         goal = flattened(problem, problem.goal) if checker.planar else problem.goal
+        straight += checker.hit_by(problem.start, goal)
+        if not checker.supported_along(problem.start, goal):
+            leaves = " and leaves the support"
         stopped = np.argsort(-checker.blocked, kind="stable")
-        names = checker.hit_by(problem.start, goal) + [checker.owners[j] for j in stopped if checker.blocked[j]]
-        blockers += [n for n in dict.fromkeys(names) if n not in blockers]
-    free_without = _free_without(problem, blockers, rng, deadline)
-    what = ", ".join(f"'{b}'" for b in blockers) if blockers else "nothing but the edge of its support or of the search"
+        frontier += [checker.owners[j] for j in stopped if checker.blocked[j] and not checker.contact[j]]
+    straight = list(dict.fromkeys(straight))
+    frontier = [name for name in dict.fromkeys(frontier) if name not in straight]
+    free_without = _free_without(problem, straight + frontier, rng, deadline)
+    what = f"the straight way hits {_listed(straight) or 'nothing'}{leaves}"
+    what += f", the search ran into {_listed(frontier)}" if frontier else ""
     hint = ""
     if problem.removable:
-        names = " and ".join(f"'{n}'" for n in free_without or ())
-        hint = f"; without {names} there is one" if free_without else "; nor is there one without the removable bodies"
+        found = f"; without {_listed(free_without)} there is one" if free_without else None
+        hint = found or "; none was found without the removable bodies either"
     kinds = " or ".join("planar" if c.planar else "spatial" for c in checkers)
     return NoObjectPath(
-        f"no {kinds} path of '{problem.body.name}' to its goal was found; in the way: {what}{hint}",
-        tuple(blockers),
+        f"no {kinds} path of '{problem.body.name}' to its goal was found: {what}{hint}",
+        tuple(straight + frontier),
         free_without,
     )
+
+
+def _listed(names) -> str:
+    return ", ".join(f"'{name}'" for name in names or ())
 
 
 def _free_without(problem, blockers, rng, deadline) -> tuple[str, ...] | None:

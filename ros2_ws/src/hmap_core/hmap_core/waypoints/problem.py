@@ -83,7 +83,7 @@ class NoObjectPath(WaypointError):
     """No path of the object itself was found.
 
     Attributes:
-        blockers: bodies in the way, the one that stops it most often first.
+        blockers: bodies in the way: those on the straight way, then those the search ran into, the most often first.
         free_without: the removable bodies without which a path exists, or None when there is none even so.
     """
 

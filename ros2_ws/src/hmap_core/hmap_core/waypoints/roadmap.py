@@ -24,6 +24,8 @@ BACK_OFF = 0.01
 NODE_COST = 0.05
 # poses nearer than this are one node, m (turn times radius counts as length)
 SAME_POSE = 1e-4
+# cosine below which an axis is across
+_ACROSS = 1e-9
 
 
 def _directions(T: np.ndarray, planar: bool) -> np.ndarray:
@@ -44,19 +46,29 @@ def _moved(T: np.ndarray, step: np.ndarray) -> np.ndarray:
     return out
 
 
-def exits(checker: ObjectChecker, T: np.ndarray, other: np.ndarray, reach: float) -> list[np.ndarray]:
-    """Poses reached from T by free motion along one axis, ``reach`` metres at most; some level with ``other``."""
+def _room(position: np.ndarray, axis: np.ndarray, bounds: np.ndarray) -> float:
+    """Way in metres from a position (3,) along a unit axis to the edge of a box (2, 3)."""
+    to_edge = np.where(axis > 0.0, bounds[1] - position, bounds[0] - position)
+    moving = np.abs(axis) > _ACROSS
+    return max(float(np.min(to_edge[moving] / axis[moving])), 0.0)
+
+
+def exits(checker: ObjectChecker, T: np.ndarray, other: np.ndarray, bounds: np.ndarray) -> list[np.ndarray]:
+    """Poses reached from T by free motion along one axis, within the bounds (2, 3); some level with ``other``."""
     found = []
     for axis in _directions(T, checker.planar):
+        reach = _room(T[:3], axis, bounds)
         free = reach * checker.free_part(T, _moved(T, reach * axis))
         free -= BACK_OFF if free < reach else 0.0
         levels = [f * free for f in FRACTIONS] + [float((other[:3] - T[:3]) @ axis)]
         found += [_moved(T, d * axis) for d in levels if BACK_OFF < d <= free]
-    return found
+    return [e for e in found if checker.supported_along(T, e)]
 
 
-def _nodes(checker: ObjectChecker, start: np.ndarray, goal: np.ndarray, radius: float, reach: float) -> np.ndarray:
-    poses = [start, goal, *exits(checker, start, goal, reach), *exits(checker, goal, start, reach)]
+def _nodes(
+    checker: ObjectChecker, start: np.ndarray, goal: np.ndarray, radius: float, bounds: np.ndarray
+) -> np.ndarray:
+    poses = [start, goal, *exits(checker, start, goal, bounds), *exits(checker, goal, start, bounds)]
     if not checker.planar:
         top = max(start[2], goal[2])
         poses += [np.r_[T[:2], top + h, T[3:]] for T in (start, goal) for h in LIFTS]
@@ -89,11 +101,11 @@ def _shortest(cost, previous):
                 previous[k] = u
 
 
-def direct_path(checker: ObjectChecker, start: np.ndarray, goal: np.ndarray, reach: float) -> np.ndarray | None:
-    """Poses (n, 7) of a free path on the small roadmap, or None; moves along an axis are at most ``reach`` m long."""
+def direct_path(checker: ObjectChecker, start: np.ndarray, goal: np.ndarray, bounds: np.ndarray) -> np.ndarray | None:
+    """Poses (n, 7) of a free path on the small roadmap, or None; ``bounds`` (2, 3) of its positions."""
     if checker.motion_free(start, goal):
         return np.array([start, goal])
-    nodes = _nodes(checker, start, goal, checker.radius, reach)
+    nodes = _nodes(checker, start, goal, checker.radius, bounds)
     cost = kernels.all_lengths(nodes, checker.radius) + NODE_COST
     np.fill_diagonal(cost, np.inf)
     known = np.zeros(cost.shape, bool)

@@ -1,0 +1,117 @@
+"""The exact motion check against dense sampling, the sampling planner alone, and the support check."""
+
+import time
+
+import numpy as np
+import pytest
+from geometry_fixtures import TABLE, body_distances, box, dense, worst_distance
+from waypoints_fixtures import SLACK, U_WALLS, WINDOW, u_problem, window_problem
+
+from hmap_core.collision.convex import convex_set
+from hmap_core.transforms import IDENTITY, interpolate, pose
+from hmap_core.types import Shape, ShapeKind
+from hmap_core.waypoints import DEFAULT_MARGIN, ObjectPathProblem
+from hmap_core.waypoints.checker import Geometry, ObjectChecker, ObstacleShapes
+from hmap_core.waypoints.kernels import between, length
+from hmap_core.waypoints.plan import search_bounds
+from hmap_core.waypoints.rrt import rrt_path
+from hmap_core.waypoints.shorten import smooth
+from hmap_core.waypoints.support import Support, centre_of_mass
+
+
+def random_pose(rng, spread):
+    return pose(rng.uniform(-spread, spread, 3), rng.standard_normal(4))
+
+
+def checker_of(problem, planar):
+    return ObjectChecker(problem, Geometry(problem), planar)
+
+
+def test_the_motion_check_agrees_with_dense_sampling():
+    rng = np.random.default_rng(0)
+    body = box("body", (0.3, 0.1, 0.05), (0, 0, 0))
+    free = blocked = 0
+    for _ in range(30):
+        obstacles = tuple(box(f"o{k}", rng.uniform(0.02, 0.3, 3), (0, 0, 0)) for k in range(4))
+        obstacles = tuple(type(o)(o.name, o.kind, o.shapes, random_pose(rng, 0.4)) for o in obstacles)
+        a, b = random_pose(rng, 0.5), random_pose(rng, 0.5)
+        far = pose((9, 9, 9))  # nothing is touched at the ends, so the margin holds everywhere
+        checker = checker_of(ObjectPathProblem(body, far, far, obstacles, motion="spatial"), False)
+        worst = min(min(body_distances(body, T, obstacles).values()) for T in dense([a, b], 4e-3, 0.17))
+        if checker.motion_free(a, b):
+            free += 1
+            assert worst > DEFAULT_MARGIN - SLACK
+        else:
+            blocked += 1
+            assert worst < DEFAULT_MARGIN + 4e-3
+        part = checker.free_part(a, b)
+        if part > 0.0:
+            assert worst_distance(body, [a, interpolate(a, b, part)], obstacles, 1e-2, 0.17) > DEFAULT_MARGIN - SLACK
+    assert free > 5 and blocked > 5
+
+
+def test_sliding_along_a_touching_wall_is_free_and_leaning_into_it_is_not():
+    wall = box("wall", (2.0, 0.1, 0.2), (0, 0.1, 0.15))
+    cube = box("cube", (0.1, 0.1, 0.1), (0, 0, 0))
+    start, goal = pose((-0.5, 0, 0.1)), pose((0.5, 0, 0.1))
+    checker = checker_of(ObjectPathProblem(cube, start, goal, (TABLE, wall)), True)
+    assert checker.motion_free(start, goal)
+    assert not checker.motion_free(start, pose((0.5, 0.002, 0.1)))
+
+
+def test_lengths_and_interpolation_agree_with_the_transforms():
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        a, b = random_pose(rng, 1.0), random_pose(rng, 1.0)
+        t = rng.random(5)
+        ours, theirs = between(a, b, t), interpolate(a, b, t)
+        sign = np.sign(np.sum(ours[:, 3:] * theirs[:, 3:], axis=1, keepdims=True))
+        np.testing.assert_allclose(ours[:, :3], theirs[:, :3], atol=1e-12)
+        np.testing.assert_allclose(ours[:, 3:] * sign, theirs[:, 3:], atol=1e-9)
+    turned = pose((0, 0, 0), (0, 0, np.sin(5e-7), np.cos(5e-7)))
+    np.testing.assert_allclose(length(IDENTITY, turned, 2.0), 2e-6, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("problem", "planar", "walls"), [(u_problem(), True, U_WALLS), (window_problem(), False, WINDOW)]
+)
+def test_the_sampling_planner_alone_is_repeatable_and_right(problem, planar, walls):
+    """Several solves in one process: the same seed gives the same path whatever came in between."""
+
+    def solve(seed):
+        checker = checker_of(problem, planar)
+        bounds = search_bounds(problem, checker)
+        rng = np.random.default_rng(seed)
+        path = rrt_path(checker, [problem.start], [problem.goal], bounds, rng, time.monotonic() + 30.0)
+        return path, smooth(checker, path, rng)
+
+    first, other, again = solve(3), solve(4), solve(3)
+    np.testing.assert_array_equal(first[0], again[0])
+    np.testing.assert_array_equal(first[1], again[1])
+    assert other[0].shape != first[0].shape or not np.allclose(other[0], first[0])
+    for path in (first[0], other[1]):
+        assert worst_distance(problem.body, path, walls, step=4e-3, radius=0.15) > DEFAULT_MARGIN - SLACK
+
+
+def test_the_mass_centre_weighs_shapes_by_volume():
+    shapes = (Shape(ShapeKind.BOX, (0.2, 0.1, 0.1)), Shape(ShapeKind.BOX, (0.1, 0.1, 0.1), pose((0.3, 0, 0))))
+    np.testing.assert_allclose(centre_of_mass(convex_set(shapes)), [0.1, 0.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(("x", "held"), [(0.4, True), (0.494, True), (0.497, False), (0.6, False)])
+def test_a_cube_at_the_edge_of_its_table(x, held):
+    """It tips when its centre comes within SUPPORT_MARGIN (5 mm) of the edge at x = 0.5."""
+    table = box("table", (1.0, 1.0, 0.1), (0, 0, 0))
+    cube = convex_set(box("cube", (0.1, 0.1, 0.1), (0, 0, 0)).shapes)
+    support = Support(cube, ObstacleShapes.of((table,)), np.array([True]), pose((0, 0, 0.1)))
+    assert support.holds(pose((x, 0, 0.1))) == held
+    turned = pose((x, 0, 0.1), (0, 0, np.sin(0.4), np.cos(0.4)))
+    assert support.holds(turned) == held
+
+
+def test_a_plank_bridges_two_blocks_that_do_not_lie_under_its_centre():
+    blocks = tuple(box(f"block{s}", (0.1, 0.2, 0.1), (0.3 * s, 0, 0)) for s in (-1, 1))
+    plank = convex_set(box("plank", (0.8, 0.1, 0.02), (0, 0, 0)).shapes)
+    support = Support(plank, ObstacleShapes.of(blocks), np.array([True, True]), pose((0, 0, 0.06)))
+    assert support.holds(pose((0, 0, 0.06)))
+    assert not support.holds(pose((0.4, 0, 0.06)))
