@@ -54,14 +54,14 @@ def test_follows_the_points_and_succeeds_at_rest():
     assert arm.outcome is Outcome.SUCCEEDED and not arm.moving
 
 
-def test_is_smooth_between_the_points():
-    arm, motion = controller(path=10.0), trajectory()
-    arm.start(motion, 0.0)
-    times = np.arange(0.0, motion.times[-1], 1e-3)
-    states = [arm.update(t, HERE, np.zeros(2)) for t in times]
+def test_between_far_apart_points_the_velocity_is_the_derivative_of_the_position():
+    arm = controller(path=10.0)
+    positions = [HERE, HERE + [0.5, -0.3], HERE + [0.2, 0.4]]
+    arm.start(JointTrajectory(NAMES, [0.0, 0.5, 1.2], positions, [[0.0, 0.3], [-0.8, 0.5], [0.0, 0.0]]), 0.0)
+    states = [arm.update(t, HERE, np.zeros(2)) for t in np.arange(0.0, 1.2, 1e-3)]
     q, qd = np.array([s.q for s in states]), np.array([s.qd for s in states])
-    assert (q[2:] - q[:-2]) / 2e-3 == pytest.approx(qd[1:-1], abs=0.02)
-    assert (np.abs(np.diff(qd, axis=0)) / 1e-3 <= 3.1 * ACCELERATION).all()  # bang-bang seen through cubic pieces
+    assert (q[2:] - q[:-2]) / 2e-3 == pytest.approx(qd[1:-1], abs=0.005)
+    assert np.abs(np.diff(qd, axis=0)).max() < 0.02
 
 
 def test_columns_are_matched_by_name():
