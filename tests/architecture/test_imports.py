@@ -119,9 +119,14 @@ def test_core_modules_make_no_circle():
         module = module_of(path)
         found = {name for name in core_imports(path) if layer_of(name) is not None}
         edges.setdefault(module, set()).update(found - {module})
-    while leaves := {module for module, imported in edges.items() if not imported & edges.keys()}:
-        edges = {module: imported for module, imported in edges.items() if module not in leaves}
-    assert not edges
+    circle = set(edges)
+    while True:  # drop who imports nothing of the rest, and whom nothing of the rest imports
+        used = set().union(*(edges[module] for module in circle))
+        kept = {module for module in circle & used if edges[module] & circle}
+        if kept == circle:
+            break
+        circle = kept
+    assert not circle
 
 
 def test_judge_is_independent():
