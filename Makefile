@@ -31,7 +31,7 @@ lint: $(STAMPS)/dependencies
 $(STAMPS)/dependencies: requirements.lock tools/system_libraries.sh
 	tools/system_libraries.sh $(PYTHON)
 	test -x $(VENV)/bin/python || $(PYTHON) -m venv $(VENV)
-	$(PIP) install --quiet --no-deps -r requirements.lock
+	$(PIP) install --quiet --no-deps --no-compile -r requirements.lock
 	mkdir -p $(STAMPS) && touch $@
 
 $(STAMPS)/interfaces: $(STAMPS)/dependencies $(INTERFACE_FILES)
