@@ -47,7 +47,9 @@ def _fail(problem: object, code: int, debug: bool) -> int:
 def _parse(argv: list[str]) -> argparse.Namespace:
     modules = _module_names()
     chosen = next((word for word in argv if not word.startswith("-")), None)
-    parser = argparse.ArgumentParser("hmap", description="Plans and executes manipulation: the object first, then hands.")
+    parser = argparse.ArgumentParser(
+        "hmap", description="Plans and executes manipulation: the object first, then hands."
+    )
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     # only the chosen command is imported, so that each starts quickly
     for name in [chosen] if chosen in modules else sorted(modules):

@@ -1,0 +1,244 @@
+"""The planner's types <-> messages, on top of hmap_msgs_py; what comes in is checked against the scene it belongs to."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from builtin_interfaces.msg import Time
+
+from hmap_core import plan_file
+from hmap_core.contacts.camera import Cloud
+from hmap_core.exceptions import Code, InputError
+from hmap_core.planner.interfaces import RobotContact, SegmentMotion
+from hmap_core.scenes import scene_from_text, scene_to_text
+from hmap_core.scenes.resources import resolve
+from hmap_core.types import (
+    Body,
+    BodyKind,
+    ContactKind,
+    ContactPoint,
+    Plan,
+    Scene,
+    SceneState,
+    Segment,
+    SegmentKind,
+    Shape,
+    ShapeKind,
+    Trajectory,
+)
+from hmap_core.waypoints import ObjectPath
+from hmap_msgs import msg
+from hmap_msgs_py import bodies, clouds, contacts, plans, world
+from hmap_msgs_py.checks import ConversionError
+
+SCENES_KEPT = 16  # parsed scenes that are remembered; every request of a plan brings the same one
+
+
+def scene_to_message(scene: Scene) -> msg.Scene:
+    """The scene, complete in itself."""
+    return msg.Scene(task=scene.task, seed=scene.seed, mode=scene.mode.value, text=scene_to_text(scene))
+
+
+def scene_from_message(message: msg.Scene) -> Scene:
+    """Raises InputError where the text is no scene."""
+    return _scene(message.text)
+
+
+@lru_cache(SCENES_KEPT)
+def _scene(text: str) -> Scene:
+    return scene_from_text(text)
+
+
+def body_from_message(message: msg.Body) -> Body:
+    """A body of its own, such as one that is added to a scene."""
+    fields = bodies.body_from_message(message)
+    if not message.name:
+        raise InputError("a body needs a name", Code.INVALID_SCENE)
+    if not fields["shapes"]:
+        raise InputError(f"body {message.name!r} has no shapes; at least one is needed", Code.INVALID_SCENE)
+    if min(fields["mass"], fields["friction"]) < 0.0:
+        raise InputError(f"body {message.name!r}: mass and friction must be 0 or larger", Code.INVALID_SCENE)
+    shapes = tuple(_shape(shape, message.name) for shape in fields["shapes"])
+    return Body(**fields | {"kind": BodyKind(fields["kind"]), "shapes": shapes})
+
+
+def _shape(fields: dict, body: str) -> Shape:
+    if min(fields["size"]) <= 0.0:
+        raise InputError(f"body {body!r}: size {fields['size']} must be above 0", Code.INVALID_SCENE)
+    mesh = None if fields["mesh"] is None else resolve(fields["mesh"], Path())
+    return Shape(ShapeKind(fields["kind"]), fields["size"], fields["pose"], mesh)
+
+
+def state_to_message(
+    scene: Scene, state: SceneState, stamp: Time | None = None, velocity: dict[str, np.ndarray] | None = None
+) -> msg.WorldState:
+    """Where everything of a scene is."""
+    robots = [
+        {
+            "name": name,
+            "model": robot.model.name,
+            "base_pose": robot.base_pose,
+            "joint_names": robot.model.joint_names,
+            "q": state.q[name],
+            "velocity": (velocity or {}).get(name),
+            "gripper": state.gripper.get(name, 0.0),
+        }
+        for name, robot in scene.robots.items()
+    ]
+    placed = [replace(body, pose=state.poses.get(name, body.pose)) for name, body in scene.bodies.items()]
+    return world.world_state_to_message(scene.task, scene.seed, scene.mode.value, robots, placed, stamp)
+
+
+def state_from_message(scene: Scene, message: msg.WorldState) -> SceneState:
+    """The state of every robot and body of a scene; joints are matched by name.
+
+    Raises:
+        ConversionError: NaN, a quaternion that is not normalised, a wrong size.
+        InputError: a robot or body is not in the scene, or one of the scene is missing.
+    """
+    fields = world.world_state_from_message(message)
+    _same_names("robots", fields["q"], scene.robots, Code.UNKNOWN_ROBOT)
+    _same_names("bodies", fields["poses"], scene.bodies, Code.UNKNOWN_OBJECT)
+    q = {}
+    for name, robot in scene.robots.items():
+        given, wanted = fields["robots"][name]["joint_names"], robot.model.joint_names
+        if sorted(given) != sorted(wanted):
+            raise InputError(f"the joints of {name!r} are {', '.join(given)}; they must be {', '.join(wanted)}")
+        q[name] = fields["q"][name][[given.index(joint) for joint in wanted]]
+    return SceneState(q, fields["gripper"], fields["poses"])
+
+
+def _same_names(what: str, given, known, code: Code) -> None:
+    unknown, missing = sorted(set(given) - set(known)), sorted(set(known) - set(given))
+    if unknown or missing:
+        raise InputError(f"{what} of the world state: unknown {unknown}, missing {missing}", code)
+
+
+def observed_scene(scene: Scene, state: SceneState) -> Scene:
+    """The scene as if it started in a state."""
+    return replace(
+        scene,
+        bodies={name: replace(body, pose=state.poses[name].copy()) for name, body in scene.bodies.items()},
+        robots={name: replace(robot, q=state.q[name].copy()) for name, robot in scene.robots.items()},
+    )
+
+
+def known_object(scene: Scene, name: str) -> str:
+    """The name, when it is that of a body that may move.
+
+    Raises:
+        InputError: UNKNOWN_OBJECT.
+    """
+    movable = [body.name for body in scene.bodies.values() if body.kind is not BodyKind.FIXED]
+    if name not in movable:
+        problem = "is fixed" if name in scene.bodies else "is not in the scene"
+        raise InputError(f"object {name!r} {problem}; movable: {', '.join(movable) or 'none'}", Code.UNKNOWN_OBJECT)
+    return name
+
+
+def known_robots(scene: Scene, names: Sequence[str]) -> list[str]:
+    """The names, all robots where there are none.
+
+    Raises:
+        InputError: UNKNOWN_ROBOT.
+    """
+    for name in names:
+        if name not in scene.robots:
+            known = ", ".join(scene.robots)
+            raise InputError(f"robot {name!r} is not in the scene; there are: {known}", Code.UNKNOWN_ROBOT)
+    return list(names) or list(scene.robots)
+
+
+def cloud_to_message(name: str, pose: np.ndarray, cloud: Cloud, stamp: Time | None = None) -> msg.ObjectCloud:
+    """What has been seen of an object."""
+    return clouds.object_cloud_to_message(name, pose, cloud.points, cloud.normals, stamp)
+
+
+def cloud_from_message(message: msg.ObjectCloud) -> Cloud | None:
+    """None where the message holds no points."""
+    if not message.cloud.fields:
+        return None
+    fields = clouds.object_cloud_from_message(message)
+    points, normals = fields["points"], fields["normals"]
+    if len(points) == 0:
+        return None
+    if normals is None:
+        raise ConversionError(f"the cloud of {message.object!r} has no normals")
+    return Cloud(points.astype(float), normals.astype(float), np.ones(len(points), bool))
+
+
+def path_to_response(path: ObjectPath, name: str, response) -> None:
+    """Fill a PlanWaypoints response."""
+    response.path = msg.ObjectPath(object=name, poses=path.poses.ravel().tolist())
+    response.cuts = [int(i) for i in path.cuts]
+    response.clearance = path.clearance.tolist()
+    response.motion = path.motion
+    first = np.concatenate([path.poses[:1], path.waypoints])
+    response.waypoints = plans.waypoints_to_message(name, first)
+
+
+def path_from_response(response) -> ObjectPath:
+    """What :func:`path_to_response` wrote."""
+    poses = np.array(response.path.poses).reshape(-1, 7)
+    return ObjectPath(poses, np.array(response.cuts, int), np.array(response.clearance), response.motion)
+
+
+def contact_to_message(contact: RobotContact, name: str) -> msg.ContactCandidate:
+    """A feasible contact, with its reach and postures."""
+    return contacts.contact_to_message(
+        contact.contact, contact.robot, name, int(contact.reach), contact.keyframes, contact.clear
+    )
+
+
+def point_from_message(message: msg.ContactCandidate) -> ContactPoint:
+    """The contact of a candidate."""
+    fields = contacts.contact_from_message(message)
+    return ContactPoint(**fields | {"kind": ContactKind(fields["kind"])})
+
+
+def contact_from_message(scene: Scene, message: msg.ContactCandidate) -> RobotContact:
+    """A feasible contact of a robot of the scene."""
+    known_robots(scene, [message.robot])
+    return feasible_contact(scene, message.robot, point_from_message(message), message)
+
+
+def feasible_contact(
+    scene: Scene, robot: str, contact: ContactPoint, message: msg.ContactCandidate | msg.ContactFeasibility
+) -> RobotContact:
+    """A contact with the reach, the postures and the robots to clear that a message names."""
+    keyframes = contacts.keyframes_from_message(message, len(scene.robots[robot].model.joint_names))
+    if len(keyframes) != message.reach + 1:
+        raise ConversionError(f"keyframes of {robot!r} has {len(keyframes)} rows; reach is {message.reach}")
+    clear = tuple(known_robots(scene, message.clear)) if message.clear else ()
+    return RobotContact(robot, contact, int(message.reach), keyframes, clear)
+
+
+def motion_to_response(scene: Scene, motion: SegmentMotion, response) -> None:
+    """Fill a SolveSegment response."""
+    names = {name: robot.model.joint_names for name, robot in scene.robots.items()}
+    response.trajectory = plans.trajectory_to_message(motion.trajectory, names)
+    response.segments = [plans.segment_to_message(segment) for segment in motion.segments]
+
+
+def motion_from_response(scene: Scene, response) -> SegmentMotion:
+    """What :func:`motion_to_response` wrote."""
+    names = {name: robot.model.joint_names for name, robot in scene.robots.items()}
+    trajectory = Trajectory(**plans.trajectory_from_message(response.trajectory, names))
+    return SegmentMotion(trajectory, tuple(_segment(message) for message in response.segments))
+
+
+def _segment(message: msg.Segment) -> Segment:
+    fields = plans.segment_from_message(message)
+    return Segment(**fields | {"kind": SegmentKind(fields["kind"])})
+
+
+def plan_to_message(plan: Plan, stamp: Time | None = None) -> msg.Plan:
+    """A plan as its file holds it."""
+    return plans.plan_to_message(plan_file.to_dict(plan), stamp)
+
+
+def plan_from_message(message: msg.Plan) -> Plan:
+    """Raises InputError where the message holds no plan."""
+    return plan_file.from_dict(plans.plan_from_message(message), "the plan message")

@@ -1,0 +1,168 @@
+"""What every node has: declared parameters, a diagnostics status, answers that carry errors, and a clean end."""
+
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException, ParameterException
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+
+from hmap.environment import ros_environment
+from hmap_core.exceptions import HmapError
+from hmap_msgs_py.checks import ConversionError
+from hmap_msgs_py.errors import error_to_message
+
+THREADS = 12  # per process; some wait in callbacks for an answer or for a motion to end
+DIAGNOSTICS_PERIOD = 1.0  # s
+YES, NO, BAD_INPUT = 0, 1, 2  # exit codes
+
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class HmapNode(Node):
+    """A node whose callbacks run side by side in the reentrant group :attr:`group`."""
+
+    def __init__(self, name: str):
+        super().__init__(name)
+        self.group = ReentrantCallbackGroup()
+        self.stopping = threading.Event()
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._status = (DiagnosticStatus.OK, "starting", {})
+        self._diagnostics = self.create_publisher(DiagnosticArray, "diagnostics", 10)
+        self.every(DIAGNOSTICS_PERIOD, self._publish_diagnostics)
+
+    def close(self) -> None:
+        """Let go of whatever waits; called before the executor is shut down."""
+        self.stopping.set()
+
+    def parameter(
+        self, name: str, default: Any, description: str, low: float | None = None, high: float | None = None
+    ) -> Any:
+        """Declare a parameter that is read once, with its range where it is a number; its value."""
+        descriptor = ParameterDescriptor(description=description, read_only=True)
+        if low is not None and high is not None:
+            if isinstance(default, float):
+                descriptor.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high))]
+            else:
+                descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
+        return self.declare_parameter(name, default, descriptor).value
+
+    def every(self, period: float, callback: Callable[[], None]) -> None:
+        """Call something every ``period`` seconds of real time, whatever the simulated clock does."""
+        self.create_timer(period, self.guarded(callback), callback_group=self.group, clock=self._steady)
+
+    def guarded(self, callback: Callable) -> Callable:
+        """The callback with its errors logged: what a message holds must not take the node down."""
+
+        def safe(*arguments):
+            try:
+                callback(*arguments)
+            except (HmapError, ConversionError) as error:
+                self.get_logger().warning(str(error), throttle_duration_sec=1.0)
+            except Exception as error:
+                if not self.stopping.is_set():
+                    self.get_logger().error(f"{error!r}\n{traceback.format_exc()}")
+
+        return safe
+
+    def subscribe(self, message_type: type, topic: str, callback: Callable, qos: QoSProfile | int = 10):
+        """Subscribe with a guarded callback."""
+        return self.create_subscription(message_type, topic, self.guarded(callback), qos, callback_group=self.group)
+
+    def serve(self, service_type: type, name: str, handler: Callable[[Any, Any], None]):
+        """Offer a service. ``handler`` fills the response; what it raises becomes the response's error."""
+
+        def answer(request, response):
+            began = time.monotonic()
+            try:
+                handler(request, response)
+            except Exception as error:
+                response = service_type.Response()  # nothing half filled
+                response.error = error_to_message(error)
+                self._report(name, error)
+            if hasattr(response, "planning_time"):
+                response.planning_time = time.monotonic() - began
+            return response
+
+        return self.create_service(service_type, name, answer, callback_group=self.group)
+
+    def set_status(self, text: str, level: bytes = DiagnosticStatus.OK, **values: Any) -> None:
+        """What the node says of itself on ``diagnostics``."""
+        self._status = (level, text, values)
+
+    def _report(self, name: str, error: Exception) -> None:
+        if isinstance(error, HmapError | ConversionError):
+            self.get_logger().info(f"{name}: {error}")
+        else:
+            self.get_logger().error(f"{name}: {error!r}\n{traceback.format_exc()}")
+
+    def _publish_diagnostics(self) -> None:
+        level, text, values = self._status
+        status = DiagnosticStatus(
+            level=level,
+            name=self.get_fully_qualified_name(),
+            message=text,
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+
+def run(make_node: Callable[[], HmapNode], args: list[str] | None = None) -> int:
+    """Run a node until SIGINT or SIGTERM; the exit code.
+
+    rclpy's own signal handlers would shut the context down under running callbacks; here the order is: callbacks let go,
+    executor, node, context.
+    """
+    os.environ.update(ros_environment())
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = make_node()
+    except (HmapError, ParameterException, InvalidParameterTypeException, InvalidParameterValueException) as error:
+        print(" ".join(str(error).split()), file=sys.stderr)
+        rclpy.shutdown()
+        return BAD_INPUT
+    except Exception:
+        traceback.print_exc()
+        rclpy.shutdown()
+        return NO
+    executor = MultiThreadedExecutor(THREADS)
+    executor.add_node(node)
+    spinner = threading.Thread(target=_spin, args=(executor, node), name="executor")
+    spinner.start()
+    node.set_status("running")
+    stop.wait()
+    node.close()
+    executor.shutdown()
+    spinner.join()
+    node.destroy_node()
+    rclpy.shutdown()
+    return YES
+
+
+def _spin(executor: MultiThreadedExecutor, node: HmapNode) -> None:
+    while not node.stopping.is_set():
+        try:
+            executor.spin()
+        except ExternalShutdownException:
+            return
+        except Exception as error:  # of one callback; the others go on
+            if not node.stopping.is_set():
+                node.get_logger().error(f"{error!r}\n{traceback.format_exc()}")

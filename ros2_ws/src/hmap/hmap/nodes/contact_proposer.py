@@ -1,0 +1,82 @@
+"""The node ``contact_proposer``: contacts on an object (Algorithm 3), as a service; asks komo_optimiser what is feasible."""
+
+import sys
+
+from hmap.conversions import (
+    cloud_from_message,
+    contact_to_message,
+    feasible_contact,
+    known_object,
+    known_robots,
+    scene_to_message,
+    state_to_message,
+)
+from hmap.node import HmapNode, run
+from hmap.requests import Caller, scene_and_state, time_limit
+from hmap_core.planner import LocalBackend
+from hmap_core.types import Scene
+from hmap_msgs.srv import CheckContacts, ProposeContacts
+from hmap_msgs_py.contacts import contact_to_message as candidate_to_message
+from hmap_msgs_py.poses import poses_from_messages, poses_to_messages
+
+MAX_SEED = 2**31 - 1
+
+
+class RemoteFeasibility(LocalBackend):
+    """Proposes contacts here and has them checked by ``check_contacts``."""
+
+    def __init__(self, caller: Caller, limit: float):
+        super().__init__()
+        self._caller, self._limit = caller, limit
+
+    def check_contacts(self, scene: Scene, state, object, object_poses, robot, contacts, rng):
+        if not len(contacts):
+            return []
+        request = CheckContacts.Request(
+            scene=scene_to_message(scene),
+            world=state_to_message(scene, state),
+            object=object,
+            contacts=[candidate_to_message(contact, robot, object) for contact in contacts],
+            object_poses=poses_to_messages(object_poses),
+            seed=int(rng.integers(MAX_SEED)),
+        )
+        response = self._caller.call(CheckContacts, "check_contacts", request, self._limit)
+        results = zip(contacts, response.results, strict=True)
+        found = [feasible_contact(scene, robot, contact, result) for contact, result in results if result.feasible]
+        return sorted(found, key=lambda c: (-c.reach, -c.contact.score))
+
+
+class ContactProposer(HmapNode):
+    """Serves ``propose_contacts``."""
+
+    def __init__(self):
+        super().__init__("contact_proposer")
+        self._time_limit = self.parameter("time_limit", 30.0, "s, of a request that names none", 0.01, 3600.0)
+        self._count = self.parameter("count", 40, "contacts at most, of a request that names no number", 1, 10000)
+        patience = self.parameter("service_patience", 20.0, "s to wait for a service that is away", 0.0, 3600.0)
+        self._backend = RemoteFeasibility(Caller(self, patience), self._time_limit)
+        self.serve(ProposeContacts, "propose_contacts", self._propose)
+
+    def _propose(self, request: ProposeContacts.Request, response: ProposeContacts.Response) -> None:
+        scene, state = scene_and_state(request)
+        name = known_object(scene, request.object)
+        found = self._backend.propose_contacts(
+            scene,
+            state,
+            name,
+            poses_from_messages(request.object_poses, "object_poses"),
+            known_robots(scene, request.robots),
+            cloud_from_message(request.cloud),
+            int(request.count) or self._count,
+            int(request.seed),
+            time_limit(request, self._time_limit),
+        )
+        response.contacts = [contact_to_message(contact, name) for contact in found]
+
+
+def main(args: list[str] | None = None) -> int:
+    return run(ContactProposer, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

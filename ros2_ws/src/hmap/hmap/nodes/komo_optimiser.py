@@ -1,0 +1,79 @@
+"""The node ``komo_optimiser``: feasibility of contacts in batches, and segment motions. Several may run side by side."""
+
+import sys
+
+import numpy as np
+
+from hmap.conversions import (
+    contact_from_message,
+    known_object,
+    known_robots,
+    motion_to_response,
+    point_from_message,
+)
+from hmap.node import HmapNode, run
+from hmap.requests import scene_and_state, time_limit
+from hmap_core.exceptions import Code, ContactError, InputError
+from hmap_core.planner import LocalBackend
+from hmap_core.planner.interfaces import RobotContact
+from hmap_msgs.srv import CheckContacts, SolveSegment
+from hmap_msgs_py.contacts import feasibility_to_message
+from hmap_msgs_py.errors import error_to_message
+from hmap_msgs_py.poses import poses_from_messages
+
+
+class KomoOptimiser(HmapNode):
+    """Serves ``check_contacts`` and ``solve_segment``."""
+
+    def __init__(self):
+        super().__init__("komo_optimiser")
+        self._time_limit = self.parameter("time_limit", 30.0, "s, of a request that names none", 0.01, 3600.0)
+        self._backend = LocalBackend()
+        self.serve(CheckContacts, "check_contacts", self._check)
+        self.serve(SolveSegment, "solve_segment", self._solve)
+
+    def _check(self, request: CheckContacts.Request, response: CheckContacts.Response) -> None:
+        scene, state = scene_and_state(request)
+        name = known_object(scene, request.object)
+        poses = _poses(request)
+        rng = np.random.default_rng(int(request.seed))
+        points = [point_from_message(message) for message in request.contacts]
+        owners = [message.robot for message in request.contacts]
+        feasible: dict[int, RobotContact] = {}
+        for robot in dict.fromkeys(owners):
+            known_robots(scene, [robot])
+            own = [point for point, owner in zip(points, owners, strict=True) if owner == robot]
+            found = self._backend.check_contacts(scene, state, name, poses, robot, own, rng)
+            feasible |= {id(contact.contact): contact for contact in found}
+        reason = error_to_message(
+            ContactError("not reachable without collision, or others reach farther", Code.OUT_OF_REACH)
+        )
+        response.results = [
+            feasibility_to_message(feasible[id(point)].keyframes, clear=feasible[id(point)].clear)
+            if id(point) in feasible
+            else feasibility_to_message(None, reason)
+            for point in points
+        ]
+
+    def _solve(self, request: SolveSegment.Request, response: SolveSegment.Response) -> None:
+        scene, state = scene_and_state(request)
+        name = known_object(scene, request.object)
+        contact = contact_from_message(scene, request.contact)
+        limit = time_limit(request, self._time_limit)
+        motion = self._backend.solve_segment(scene, state, name, contact, _poses(request), int(request.seed), limit)
+        motion_to_response(scene, motion, response)
+
+
+def _poses(request) -> np.ndarray:
+    """The object's poses (M, 7), at least the present one and one more."""
+    if len(request.object_poses) < 2:
+        raise InputError(f"object_poses has {len(request.object_poses)} poses; at least 2 are needed")
+    return poses_from_messages(request.object_poses, "object_poses")
+
+
+def main(args: list[str] | None = None) -> int:
+    return run(KomoOptimiser, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

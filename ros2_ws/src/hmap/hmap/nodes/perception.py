@@ -1,0 +1,164 @@
+"""The node ``perception``: fuses what the sensors say into ``world_state`` and clouds of the objects."""
+
+import sys
+from functools import partial
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
+from hmap_core.contacts.cloud import cloud_from_depth, merged
+from hmap_core.exceptions import Code, InputError
+from hmap_core.scenes import load_scene
+from hmap_core.types import BodyKind, Scene
+from hmap_msgs.msg import BodyArray, InstanceNames, ObjectClouds, WorldState
+from hmap_msgs.msg import Scene as SceneMessage
+from hmap_msgs_py.bodies import body_to_message
+from hmap_msgs_py.poses import pose_from_message
+from hmap_msgs_py.times import seconds_from_message, time_to_message
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import CameraInfo, Image, JointState
+
+from hmap.conversions import cloud_to_message, scene_from_message, scene_to_message, state_to_message
+from hmap.naming import Naming
+from hmap.node import LATCHED, HmapNode, run
+from hmap.perception.fusion import Fusion
+from hmap.perception.pictures import Picture, PictureParts
+
+FRAME = "world"
+CAMERA_TOPICS = {
+    "depth": ("aligned_depth_to_color/image_raw", Image),
+    "info": ("aligned_depth_to_color/camera_info", CameraInfo),
+    "mask": ("instance_mask/image_raw", Image),
+    "names": ("instance_mask/names", InstanceNames),
+}
+
+
+class Perception(HmapNode):
+    """Publishes where everything is, as long as the sensors say so."""
+
+    def __init__(self):
+        super().__init__("perception")
+        self._naming = Naming(self, "arm_joint", "finger_joint", "camera", "body_pose")
+        task = self.parameter("task", "", "task whose scene is seen; empty: the scene that is published on `scene`")
+        seed = self.parameter("seed", 0, "of its randomisation", 0, 2**31 - 1)
+        rate = self.parameter("rate", 15.0, "of world_state, Hz of real time", 0.1, 1000.0)
+        self._stale_after = self.parameter("stale_after", 1.0, "s; older measurements are not published", 0.01, 3600.0)
+        frames = "accepted frame_ids of body poses, which all have to mean the world frame"
+        self._frames = set(self.parameter("pose_frames", ["world", "vicon"], frames))
+        self._state = self.create_publisher(WorldState, "world_state", 10)
+        self._clouds = self.create_publisher(ObjectClouds, "object_clouds", LATCHED)
+        self._new = self.create_publisher(BodyArray, "new_object", LATCHED)
+        self._fusion: Fusion | None = None
+        self._scene_subscriptions: list = []
+        self._seen: dict[str, dict[str, object]] = {}  # object -> camera -> its cloud
+        self.subscribe(JointState, "joint_states", self._take_joints)
+        if task:
+            self._offered = self.create_publisher(SceneMessage, "scene", LATCHED)
+            scene = load_scene(task, seed)
+            self._offered.publish(scene_to_message(scene))
+            self._take_scene(scene)
+        else:
+            self.subscribe(SceneMessage, "scene", lambda message: self._take_scene(scene_from_message(message)), LATCHED)
+        self.every(1.0 / rate, self._publish_state)
+
+    # the scene
+
+    def _take_scene(self, scene: Scene) -> None:
+        previous = self._fusion.scene if self._fusion else None
+        models = {name: robot.model for name, robot in scene.robots.items()}
+        arms = {name: self._naming.arm_joints(name, model) for name, model in models.items()}
+        fingers = {name: self._naming.finger_joints(name, model) for name, model in models.items()}
+        self._fusion = Fusion(scene, arms, fingers)
+        self._seen = {}
+        for subscription in self._scene_subscriptions:
+            self.destroy_subscription(subscription)
+        self._scene_subscriptions = [self._follow_body(name) for name in self._fusion.tracked]
+        for camera in scene.cameras.values():
+            parts = PictureParts(camera)
+            for part, (topic, kind) in CAMERA_TOPICS.items():
+                name = f"{self._naming.camera(camera.name)}/{topic}"
+                take = partial(self._take_picture, parts, part)
+                self._scene_subscriptions.append(self.subscribe(kind, name, take, LATCHED))
+        if previous is not None and (previous.task, previous.seed) == (scene.task, scene.seed):
+            self._report_new([body for name, body in scene.bodies.items() if name not in previous.bodies])
+        self.set_status("waiting for measurements", task=scene.task, seed=scene.seed)
+
+    def _follow_body(self, name: str):
+        take = partial(self._take_pose, name)
+        return self.subscribe(PoseStamped, self._naming.body_pose(name), take, qos_profile_sensor_data)
+
+    def _report_new(self, bodies: list) -> None:
+        if bodies:
+            message = BodyArray(bodies=[body_to_message(body) for body in bodies])
+            message.header.stamp, message.header.frame_id = self.get_clock().now().to_msg(), FRAME
+            self._new.publish(message)
+
+    # the sensors
+
+    def _take_joints(self, message: JointState) -> None:
+        if self._fusion:
+            time = seconds_from_message(message.header.stamp)
+            self._fusion.add_joints(time, message.name, message.position, message.velocity)
+
+    def _take_pose(self, name: str, message: PoseStamped) -> None:
+        if message.header.frame_id not in self._frames:
+            allowed = ", ".join(sorted(self._frames))
+            raise InputError(f"pose of {name!r} in frame {message.header.frame_id!r}; allowed: {allowed}")
+        pose = pose_from_message(message.pose, f"pose of {name!r}")
+        self._fusion.add_pose(seconds_from_message(message.header.stamp), name, pose)
+
+    def _take_picture(self, parts: PictureParts, part: str, message) -> None:
+        picture = parts.add(part, message)
+        if picture is not None:
+            self._update_clouds(picture)
+
+    def _update_clouds(self, picture: Picture) -> None:
+        fusion = self._fusion
+        for name, number in picture.names.items():
+            body = fusion.scene.bodies.get(name)
+            pose = fusion.pose_at(name, picture.time)
+            if body is None or body.kind is BodyKind.FIXED or pose is None:
+                continue
+            mask = picture.mask == number
+            cloud = cloud_from_depth(picture.depth, mask, picture.intrinsics, picture.camera.pose, pose)
+            self._seen.setdefault(name, {})[picture.camera.name] = cloud
+        stamp = time_to_message(picture.time)
+        message = ObjectClouds()
+        message.header.stamp, message.header.frame_id = stamp, FRAME
+        for name, seen in self._seen.items():
+            cloud = merged([cloud for cloud in seen.values() if len(cloud)])
+            if len(cloud):
+                pose = fusion.pose_at(name, picture.time)
+                message.clouds.append(cloud_to_message(name, pose, cloud, stamp))
+        self._clouds.publish(message)
+
+    # the state
+
+    def _publish_state(self) -> None:
+        if self._fusion is None:
+            self.set_status("waiting for a scene", DiagnosticStatus.WARN)
+            return
+        fusion = self._fusion
+        try:
+            time, state, velocity = fusion.state()
+            self._check_age(time)
+        except InputError as error:
+            self.set_status(error.reason, DiagnosticStatus.WARN)
+            return
+        self._state.publish(state_to_message(fusion.scene, state, time_to_message(time), velocity))
+        self.set_status("measuring", task=fusion.scene.task, seed=fusion.scene.seed)
+
+    def _check_age(self, time: float) -> None:
+        age = self.get_clock().now().nanoseconds * 1e-9 - time
+        if age > self._stale_after or not np.isfinite(age):
+            raise InputError(
+                f"the oldest measurement is {age:.2f} s old; {self._stale_after:g} s are allowed", Code.STALE_STATE
+            )
+
+
+def main(args: list[str] | None = None) -> int:
+    return run(Perception, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,114 @@
+"""The node ``recorder``: an MCAP bag of the run, which opens without ROS and without hmap."""
+
+import re
+import sys
+import threading
+from importlib import import_module
+from pathlib import Path
+
+from hmap_core.exceptions import InputError
+from hmap_msgs_py.definitions import typestore
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys.store import Typestore
+
+from hmap.node import HmapNode, run
+
+BAG_VERSION = 9  # of the metadata, as rosbag2 of Jazzy writes it
+DEPTH = 100  # messages in the queue of a subscription
+DISCOVERY_PERIOD = 0.5  # s between looks for new topics
+TOPICS = [
+    "clock",
+    "diagnostics",
+    "joint_states",
+    "markers",
+    "new_object",
+    "object_clouds",
+    "plan",
+    "planner_status",
+    "scene",
+    "tf",
+    "tf_static",
+    "world_state",
+    "vicon/.*",
+]
+
+
+class Recorder(HmapNode):
+    """Writes every message of the chosen topics as it came."""
+
+    def __init__(self):
+        super().__init__("recorder")
+        path = Path(self.parameter("path", "bag", "folder of the bag; must not exist yet"))
+        patterns = self.parameter("topics", TOPICS, "topics relative to the namespace, as regular expressions")
+        try:
+            self._wanted = [re.compile(self.resolve_topic_name("x").removesuffix("x") + text) for text in patterns]
+        except re.error as error:
+            raise InputError(f"parameter topics: {error} in {error.pattern!r}") from error
+        if path.exists():
+            raise InputError(f"parameter path: {path} exists already; the bag needs a new folder")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._types: Typestore = typestore()
+        self._lock = threading.Lock()
+        self._writer = Writer(path, version=BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
+        self._writer.open()
+        self._open = True
+        self._topics: set[str] = set()
+        self._count = 0
+        self.every(DISCOVERY_PERIOD, self._discover)
+
+    def close(self) -> None:
+        super().close()
+        with self._lock:
+            if self._open:
+                self._open = False
+                self._writer.close()
+
+    def _discover(self) -> None:
+        for topic, kinds in self.get_topic_names_and_types():
+            if topic not in self._topics and any(pattern.fullmatch(topic) for pattern in self._wanted):
+                self._topics.add(topic)
+                self._record(topic, kinds[0])
+        self.set_status("recording", topics=len(self._topics), messages=self._count)
+
+    def _record(self, topic: str, kind: str) -> None:
+        if kind not in self._types.fielddefs:
+            self.get_logger().warning(f"{topic}: the definition of {kind} is not known; not recorded")
+            return
+        package, _, name = kind.split("/")
+        message_type = getattr(import_module(f"{package}.msg"), name)
+        qos = self._qos(topic)
+        with self._lock:
+            if not self._open:
+                return
+            connection = self._writer.add_connection(topic, kind, typestore=self._types)
+
+        def write(data: bytes) -> None:
+            now = self.get_clock().now().nanoseconds
+            with self._lock:
+                if self._open:
+                    self._writer.write(connection, now, data)
+                    self._count += 1
+
+        self.create_subscription(
+            message_type, topic, self.guarded(write), qos, callback_group=self.group, raw=True
+        )
+
+    def _qos(self, topic: str) -> QoSProfile:
+        """What every publisher of the topic can serve."""
+        offered = [info.qos_profile for info in self.get_publishers_info_by_topic(topic)]
+        reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
+        latched = bool(offered) and all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
+        return QoSProfile(
+            depth=DEPTH,
+            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+        )
+
+
+def main(args: list[str] | None = None) -> int:
+    return run(Recorder, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

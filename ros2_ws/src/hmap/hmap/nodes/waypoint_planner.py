@@ -1,0 +1,46 @@
+"""The node ``waypoint_planner``: the path of an object on its own (Algorithm 2), as a service."""
+
+import sys
+from dataclasses import replace
+
+from hmap.conversions import known_object, path_to_response
+from hmap.node import HmapNode, run
+from hmap.requests import scene_and_state, time_limit
+from hmap_core.planner import LocalBackend
+from hmap_core.waypoints import NoObjectPath
+from hmap_msgs.srv import PlanWaypoints
+from hmap_msgs_py.errors import error_to_message
+from hmap_msgs_py.poses import pose_from_message
+
+
+class WaypointPlanner(HmapNode):
+    """Serves ``plan_waypoints``."""
+
+    def __init__(self):
+        super().__init__("waypoint_planner")
+        self._time_limit = self.parameter("time_limit", 10.0, "s, of a request that names none", 0.01, 3600.0)
+        self._backend = LocalBackend()
+        self.serve(PlanWaypoints, "plan_waypoints", self._plan)
+
+    def _plan(self, request: PlanWaypoints.Request, response: PlanWaypoints.Response) -> None:
+        scene, state = scene_and_state(request)
+        name = known_object(scene, request.object)
+        goal = replace(scene.goal, object=name, pose=pose_from_message(request.goal, "goal"))
+        limit = time_limit(request, self._time_limit)
+        try:
+            path = self._backend.plan_waypoints(scene, state, name, goal, int(request.seed), limit)
+        except NoObjectPath as error:
+            response.error = error_to_message(error)
+            response.blocking = list(error.blockers)
+            response.removal_known = error.free_without is not None
+            response.free_without = list(error.free_without or ())
+            return
+        path_to_response(path, name, response)
+
+
+def main(args: list[str] | None = None) -> int:
+    return run(WaypointPlanner, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,207 @@
+"""The node ``world``: the scene under dynamics, with the topics, actions and services of the hardware it stands in for."""
+
+import sys
+import time
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+from std_srvs.srv import Trigger
+
+from hmap.conversions import body_from_message, scene_to_message, state_to_message
+from hmap.naming import Naming
+from hmap.node import LATCHED, HmapNode, run
+from hmap.world.actions import ControllerActions
+from hmap.world.cameras import CameraPublisher
+from hmap.world.loop import WorldLoop
+from hmap_core.exceptions import Code, InputError
+from hmap_core.scenes import load_scene, scene_from_text
+from hmap_core.simulation.world import SimulatedWorld
+from hmap_core.types import BodyKind, Scene
+from hmap_msgs.msg import Scene as SceneMessage
+from hmap_msgs.srv import AddBody, GetScene, LoadScene, MoveBody, RemoveBody, Reset
+from hmap_msgs_py.poses import pose_from_message, pose_to_message
+
+FRAME = "world"
+MOVED = 0.003  # m or rad; a picture is taken again when something has moved this far
+NANOSECONDS = 10**9
+
+
+class WorldNode(HmapNode):
+    """Simulates a scene."""
+
+    def __init__(self):
+        super().__init__("world")
+        self._naming = Naming(self, "arm_joint", "finger_joint", "arm_action", "gripper_action", "camera", "body_pose")
+        task = self.parameter("task", "tunnel", "task that is loaded at the start: a name, or the path of a task file")
+        seed = self.parameter("seed", 0, "of its randomisation", 0, 2**31 - 1)
+        speed = self.parameter(
+            "real_time_factor", 4.0, "simulated s per s while a robot moves; 0: as fast as possible", 0.0, 1000.0
+        )
+        idle = self.parameter("idle_real_time_factor", 1.0, "the same while no robot moves", 0.1, 1000.0)
+        self._periods = {
+            "clock": 1.0 / self.parameter("clock_rate", 50.0, "of /clock, Hz of real time", 1.0, 1000.0),
+            "joints": 1.0 / self.parameter("joint_state_rate", 30.0, "of joint_states, Hz of real time", 1.0, 1000.0),
+            "poses": 1.0 / self.parameter("body_pose_rate", 20.0, "of the bodies' poses, Hz of real time", 1.0, 1000.0),
+        }
+        self._camera_period = self.parameter(
+            "camera_period", 4.0, "simulated s between pictures, taken when something has moved; 0: on demand", 0.0, 1e6
+        )
+        self._clock_topic = self.create_publisher(Clock, "clock", 10)
+        self._joints = self.create_publisher(JointState, "joint_states", 10)
+        self._scene = self.create_publisher(SceneMessage, "scene", LATCHED)
+        self._last: dict[str, float] = {}
+        self._pictured: np.ndarray | None = None
+        self._actions: dict[str, ControllerActions] = {}
+        self._poses: dict[str, object] = {}
+        self._cameras: dict[str, CameraPublisher] = {}
+        self._loop = WorldLoop(load_scene(task, seed), speed, idle, self._publish)
+        self._offer_scene()
+        self.serve(LoadScene, "load_scene", self._load)
+        self.serve(Reset, "reset", lambda request, response: self._reload(self._loaded))
+        self.serve(GetScene, "get_scene", lambda request, response: self._describe(response))
+        self.serve(AddBody, "add_body", self._add)
+        self.serve(MoveBody, "move_body", self._move)
+        self.serve(RemoveBody, "remove_body", self._remove)
+        self.create_service(Trigger, "take_pictures", self._take_pictures, callback_group=self.group)
+        self._loop.start()
+
+    def close(self) -> None:
+        super().close()
+        self._loop.stop()
+
+    # services
+
+    def _load(self, request, response) -> None:
+        scene = scene_from_text(request.text) if request.text else load_scene(request.task, int(request.seed))
+        self._reload(scene)
+        self._describe(response)
+
+    def _reload(self, scene: Scene) -> None:
+        self._loop.call(lambda: self._loop.load(scene))
+        self._offer_scene()
+
+    def _describe(self, response) -> None:
+        scene, state, velocity = self._loop.call(lambda: (self._loop.scene, self._loop.world.state(), None))
+        response.scene = scene_to_message(scene)
+        response.world = state_to_message(scene, state, self._stamp(self._loop.world.time))
+
+    def _add(self, request, response) -> None:
+        body = body_from_message(request.body)
+        self._loop.call(lambda: self._loop.add(body))
+        self._offer_bodies()
+
+    def _move(self, request, response) -> None:
+        pose = pose_from_message(request.pose)
+        self._loop.call(lambda: self._loop.move(request.name, pose))
+        self._offer_bodies()
+
+    def _remove(self, request, response) -> None:
+        if request.name not in self._loop.scene.bodies:
+            known = ", ".join(self._loop.scene.bodies)
+            raise InputError(f"no body {request.name!r} in the world; there are: {known}", Code.UNKNOWN_OBJECT)
+        self._loop.call(lambda: self._loop.remove(request.name))
+        self._offer_bodies()
+
+    def _take_pictures(self, request, response):
+        try:
+            self._loop.call(lambda: self._picture(self._loop.world))
+            response.success = True
+        except Exception as error:  # the answer says what
+            response.message = str(error)
+        return response
+
+    # what there is
+
+    def _offer_scene(self) -> None:
+        """Servers and topics of a scene that has just been loaded."""
+        scene = self._loaded = self._loop.scene
+        for name in list(self._actions):
+            self._actions.pop(name).destroy()
+        for name in list(self._cameras):
+            self._cameras.pop(name).destroy()
+        self._actions = {
+            name: ControllerActions(self, self._loop, self._naming, robot) for name, robot in scene.robots.items()
+        }
+        self._cameras = {
+            name: CameraPublisher(self, camera, self._naming.camera(name)) for name, camera in scene.cameras.items()
+        }
+        self._pictured = None
+        self._offer_bodies()
+        self.set_status("simulating", task=scene.task, seed=scene.seed)
+
+    def _offer_bodies(self) -> None:
+        scene = self._loop.scene
+        movable = [body.name for body in scene.bodies.values() if body.kind is not BodyKind.FIXED]
+        for name in movable:
+            if name not in self._poses:
+                self._poses[name] = self.create_publisher(PoseStamped, self._naming.body_pose(name), 10)
+        self._scene.publish(scene_to_message(scene))
+
+    # in the world's thread
+
+    def _publish(self, world: SimulatedWorld) -> None:
+        if self.stopping.is_set():
+            return
+        stamp = self._stamp(world.time)
+        if self._due("clock"):
+            self._clock_topic.publish(Clock(clock=stamp))
+        if self._due("joints"):
+            self._joints.publish(self._joint_state(world, stamp))
+        if self._due("poses"):
+            self._publish_poses(world, stamp)
+        if self._camera_period > 0.0 and world.time - self._last.get("pictures", -np.inf) >= self._camera_period:
+            self._last["pictures"] = world.time
+            if self._pictured is None or np.abs(self._configuration(world) - self._pictured).max() > MOVED:
+                self._picture(world)
+
+    def _due(self, what: str) -> bool:
+        now = time.monotonic()
+        if now - self._last.get(what, -np.inf) < self._periods[what]:
+            return False
+        self._last[what] = now
+        return True
+
+    def _joint_state(self, world: SimulatedWorld, stamp: Time) -> JointState:
+        message = JointState(header=Header(stamp=stamp))
+        for name, states in world.joint_states().items():
+            model = self._loop.scene.robots[name].model
+            message.name.extend(self._naming.arm_joints(name, model) + self._naming.finger_joints(name, model))
+            message.position.extend(states.positions.tolist())
+            message.velocity.extend(states.velocities.tolist())
+            message.effort.extend(states.efforts.tolist())
+        return message
+
+    def _publish_poses(self, world: SimulatedWorld, stamp: Time) -> None:
+        for name, body in self._loop.scene.bodies.items():
+            if body.kind is not BodyKind.FIXED and name in self._poses:
+                pose = pose_to_message(world.body_pose(name))
+                self._poses[name].publish(PoseStamped(header=Header(stamp=stamp, frame_id=FRAME), pose=pose))
+
+    def _picture(self, world: SimulatedWorld) -> None:
+        self._pictured = self._configuration(world)
+        for name, publisher in list(self._cameras.items()):
+            publisher.publish(world.render(name), self._stamp(world.time))
+
+    def _configuration(self, world: SimulatedWorld) -> np.ndarray:
+        state = world.state()
+        movable = [state.poses[n] for n, body in self._loop.scene.bodies.items() if body.kind is not BodyKind.FIXED]
+        configuration = np.concatenate([*movable, *state.q.values()])
+        if self._pictured is not None and self._pictured.shape != configuration.shape:
+            self._pictured = np.full_like(configuration, np.inf)  # a body came or went
+        return configuration
+
+    def _stamp(self, seconds: float) -> Time:
+        nanoseconds = round(seconds * NANOSECONDS)
+        return Time(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS)
+
+
+def main(args: list[str] | None = None) -> int:
+    return run(WorldNode, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,140 @@
+"""The controllers' actions: FollowJointTrajectory and GripperCommand, as ros2_control offers them."""
+
+import numpy as np
+from control_msgs.action import FollowJointTrajectory, GripperCommand
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.action.server import ServerGoalHandle
+
+from hmap.naming import Naming
+from hmap.node import HmapNode
+from hmap.world.loop import Motion, WorldLoop
+from hmap_core.exceptions import HmapError
+from hmap_core.simulation.controllers import JointTrajectory, Outcome, Tolerances
+from hmap_core.types import Robot
+
+POLL = 0.05  # s of real time between looks at a cancel request; feedback is sent as often
+
+ERROR_CODES = {
+    Outcome.PATH_TOLERANCE_VIOLATED: FollowJointTrajectory.Result.PATH_TOLERANCE_VIOLATED,
+    Outcome.GOAL_TOLERANCE_VIOLATED: FollowJointTrajectory.Result.GOAL_TOLERANCE_VIOLATED,
+}
+ENDED_WELL = (Outcome.SUCCEEDED, Outcome.STALLED)  # a gripper that holds something stalls
+
+
+class ControllerActions:
+    """The action servers of one robot."""
+
+    def __init__(self, node: HmapNode, loop: WorldLoop, naming: Naming, robot: Robot):
+        self._node, self._loop, self._robot = node, loop, robot
+        self._joints = dict(zip(naming.arm_joints(robot.name, robot.model), robot.model.joint_names, strict=True))
+        self._servers = [
+            self._server(FollowJointTrajectory, naming.arm_action(robot.name), self._follow),
+        ]
+        if robot.model.gripper:
+            self._servers.append(self._server(GripperCommand, naming.gripper_action(robot.name), self._grip))
+
+    def destroy(self) -> None:
+        """Take the servers away."""
+        for server in self._servers:
+            server.destroy()
+
+    def _server(self, action: type, name: str, execute) -> ActionServer:
+        return ActionServer(
+            self._node,
+            action,
+            name,
+            execute,
+            callback_group=self._node.group,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+        )
+
+    def _follow(self, handle: ServerGoalHandle) -> FollowJointTrajectory.Result:
+        result = FollowJointTrajectory.Result()
+        try:
+            trajectory, tolerances = self._command(handle.request)
+            motion = self._loop.follow(self._robot.name, trajectory, tolerances)
+        except (HmapError, ValueError) as error:
+            result.error_code, result.error_string = FollowJointTrajectory.Result.INVALID_GOAL, str(error)
+            handle.abort()
+            return result
+        self._wait(handle, motion, lambda: self._loop.cancel_arm(self._robot.name), self._tracking)
+        result.error_code = ERROR_CODES.get(motion.outcome, FollowJointTrajectory.Result.SUCCESSFUL)
+        result.error_string = motion.reason
+        _end(handle, motion)
+        return result
+
+    def _command(self, goal: FollowJointTrajectory.Goal) -> tuple[JointTrajectory, Tolerances]:
+        points = goal.trajectory.points
+        names = tuple(self._joints.get(name, name) for name in goal.trajectory.joint_names)
+        has_velocities = bool(points) and all(len(p.velocities) for p in points)
+        trajectory = JointTrajectory(
+            names,
+            np.array([p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points]),
+            _table([p.positions for p in points], "positions"),
+            _table([p.velocities for p in points], "velocities") if has_velocities else None,
+        )
+        return trajectory, self._tolerances(goal)
+
+    def _tolerances(self, goal: FollowJointTrajectory.Goal) -> Tolerances:
+        """The goal's own tolerances over the defaults; a negative one means any."""
+        default = Tolerances()
+        goal_time = goal.goal_time_tolerance.sec + 1e-9 * goal.goal_time_tolerance.nanosec
+        return Tolerances(
+            path=self._per_joint(goal.path_tolerance, default.path),
+            goal=self._per_joint(goal.goal_tolerance, default.goal),
+            goal_time=goal_time or default.goal_time,
+        )
+
+    def _per_joint(self, entries, default: float) -> np.ndarray:
+        given = {self._joints.get(entry.name, entry.name): entry.position for entry in entries}
+        values = [given.get(name, 0.0) or default for name in self._robot.model.joint_names]
+        return np.array([value if value > 0.0 else np.inf for value in values])
+
+    def _grip(self, handle: ServerGoalHandle) -> GripperCommand.Result:
+        command = handle.request.command
+        try:
+            motion = self._loop.grip(self._robot.name, command.position, max(0.0, command.max_effort))
+        except HmapError as error:
+            self._node.get_logger().warning(str(error))
+            handle.abort()
+            return GripperCommand.Result()
+        self._wait(handle, motion, lambda: self._loop.cancel_gripper(self._robot.name), None)
+        result = GripperCommand.Result()
+        if motion.state is not None:
+            result.position, result.effort = float(motion.state.opening), float(motion.state.effort)
+        result.stalled = motion.outcome is Outcome.STALLED
+        result.reached_goal = motion.outcome is Outcome.SUCCEEDED
+        _end(handle, motion)
+        return result
+
+    def _wait(self, handle: ServerGoalHandle, motion: Motion, cancel, feedback) -> None:
+        asked = False
+        while not motion.done.wait(POLL):
+            if handle.is_cancel_requested and not asked:
+                asked = True
+                cancel()
+            if feedback and motion.state is not None:
+                handle.publish_feedback(feedback(motion.state))
+
+    def _tracking(self, tracking) -> FollowJointTrajectory.Feedback:
+        message = FollowJointTrajectory.Feedback(joint_names=list(self._joints))
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.desired.positions, message.desired.velocities = tracking.q.tolist(), tracking.qd.tolist()
+        message.actual.positions, message.actual.velocities = tracking.q_actual.tolist(), tracking.qd_actual.tolist()
+        message.error.positions = tracking.error.tolist()
+        return message
+
+
+def _table(rows, what: str) -> np.ndarray:
+    if len({len(row) for row in rows}) > 1:
+        raise ValueError(f"the points of the trajectory have different numbers of {what}")
+    return np.array([list(row) for row in rows], float)
+
+
+def _end(handle: ServerGoalHandle, motion: Motion) -> None:
+    if motion.outcome in ENDED_WELL:
+        handle.succeed()
+    elif motion.outcome is Outcome.CANCELED and handle.is_cancel_requested:
+        handle.canceled()
+    else:
+        handle.abort()

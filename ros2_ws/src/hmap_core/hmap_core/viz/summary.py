@@ -1,0 +1,20 @@
+"""The few numbers of a plan that a person wants to see."""
+
+from hmap_core.types import Plan, SegmentKind
+
+
+def summary(plan: Plan) -> dict[str, str]:
+    """Name -> value with its unit, in the order to be shown."""
+    stats = plan.stats
+    kinds = [segment.kind for segment in plan.segments]
+    contacts = sum(kind is not SegmentKind.TRANSIT for kind in kinds)
+    lines = {
+        "task": f"{plan.scene.task}, seed {plan.scene.seed}",
+        "waypoints": str(stats.get("waypoints", len(plan.waypoints))),
+        "contacts": str(stats.get("contacts", contacts)),
+        "mode switches": str(stats.get("mode_switches", max(0, len(kinds) - 1))),
+        "duration": f"{plan.trajectory.time[-1]:.1f} s",
+    }
+    if "planning_time_s" in stats:
+        lines["planning time"] = f"{stats['planning_time_s']:.2f} s"
+    return lines
