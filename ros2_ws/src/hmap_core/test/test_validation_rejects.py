@@ -405,7 +405,7 @@ def test_object_bridging_two_supports(urdf):
 
 
 def test_object_clamped_beside_a_wall_is_not_carried_by_it(urdf):
-    wall = plans.box("wall", (0.02, 0.1, 0.3), (0.3405, 0.0, 0.15), "fixed")  # 0.5 mm beside the cube
+    wall = plans.box("wall", (0.02, 0.1, 0.3), (0.3395, 0.0, 0.15), "fixed")  # 0.5 mm into the cube
     assert "unsupported" in plans.kinds(check(drop_at(urdf, (0.3, 0.0, 0.1), extra=(wall,))))
 
 
@@ -463,6 +463,22 @@ def test_friction_cone(urdf, to, friction, valid):
     assert report.valid is valid
     if not valid:
         assert plans.kinds(report) == {"friction_cone"}
+
+
+def test_pushing_round_an_arc(tmp_path):
+    assert check(plans.arc_push(tmp_path, 0.5)).valid
+
+
+def test_pushing_beside_the_centre_of_mass_turns_the_object(tmp_path):
+    # the force has to pass within reach of the centre: 2 cm beside it is too far, for the same motion
+    assert plans.kinds(check(plans.arc_push(tmp_path, 0.5, aside=0.02))) == {"friction_cone"}
+
+
+def test_contact_that_holds_only_at_the_samples(tmp_path):
+    """Coarse samples of an arc: between them the cube goes straight while the paw goes round."""
+    report = check(plans.arc_push(tmp_path, 0.5, dt=0.2))
+    found = plans.worst(report, Kind.SLIP)
+    assert found.time / 0.2 % 1.0 == pytest.approx(0.5)
 
 
 def test_every_kind_is_named_here():

@@ -216,6 +216,51 @@ def push(urdf: str, to=(0.1, 0.0), friction: float = 0.5, table_end: float = 1.5
     return board.plan(urdf, goal("cube", (*to, SIDE / 2)), "physical")
 
 
+TURRET = """<robot name="turret">
+  <link name="base"/>
+  <link name="paw"><collision>
+    <origin xyz="{radius} 0 0.03"/><geometry><box size="0.02 0.02 0.05"/></geometry></collision></link>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="paw"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" velocity="3" effort="1"/></joint>
+</robot>
+"""
+
+
+def arc_push(folder, radius: float, dt: float = DT, aside: float = 0.0) -> dict:
+    """A physical plan: a paw on a turntable pushes the cube round an arc of one radian in two seconds.
+
+    ``aside`` shifts the cube outwards from the middle of the paw.
+    """
+    urdf = folder / f"turret_{radius}.urdf"
+    urdf.write_text(TURRET.format(radius=radius))
+    u = np.linspace(0.0, 1.0, round(2.0 / dt) + 1)
+    q = 10 * u**3 - 15 * u**4 + 6 * u**5
+    x, y = radius + aside, 0.01 + SIDE / 2
+    cos, sin = np.cos(q), np.sin(q)
+    level = np.full(len(q), SIDE / 2)
+    poses = np.column_stack([x * cos - y * sin, x * sin + y * cos, level, 0 * q, 0 * q, np.sin(q / 2), np.cos(q / 2)])
+    cube = box("cube", (SIDE,) * 3, poses[0, :3])
+    end = goal("cube", (0, 0, 0)) | {"pose": poses[-1].tolist()}
+    turret = gantry(str(urdf), [0.0]) | {"joint_names": ["turn"], "end_effector_link": "paw", "gripper": None}
+    turret |= {"position_limits": [[-3.0], [3.0]], "velocity_limits": [3.0], "acceleration_limits": [40.0]}
+    contact = pose(-x, -y, -SIDE / 2)
+    push = {"start": 0.0, "end": 2.0, "robot": "turret", "manipulator": "paw", "object": "cube", "kind": "push"}
+    return {
+        "format": "hmap-plan",
+        "version": 1,
+        "mode": "physical",
+        "scene": {"bodies": [table(), cube]},
+        "goal": end,
+        "robots": {"turret": turret},
+        "trajectory": {
+            "time": [k * dt for k in range(len(q))],
+            "joints": {"turret": q[:, None].tolist()},
+            "objects": {"cube": poses.tolist()},
+        },
+        "segments": [push | {"contact_pose": contact}],
+    }
+
+
 def tool_use(urdf: str) -> dict:
     """A valid kinematic plan: the gantry grasps a stick, carries it to the cube, and the stick carries the cube."""
     bodies = [
