@@ -24,7 +24,7 @@ def random_pose(rng, spread):
 
 
 def checker_of(problem, planar):
-    return ObjectChecker(problem, Geometry(problem), planar)
+    return ObjectChecker(problem, Geometry(problem), planar, problem.margin)
 
 
 def test_the_motion_check_agrees_with_dense_sampling():

@@ -1,14 +1,17 @@
 """Whether a body may stand at a pose and move between two: collision and support together."""
 
+from copy import copy
+from dataclasses import replace
+
 import numpy as np
 
 from hmap_core.collision.convex import ConvexSet, convex_set, hull_vertices
 from hmap_core.exceptions import Code, InputError
-from hmap_core.transforms import apply, inverse, multiply
+from hmap_core.transforms import apply, inverse, multiply, pose, rotation_matrix
 from hmap_core.types import Body
 from hmap_core.waypoints import kernels
 from hmap_core.waypoints.problem import ObjectPathProblem
-from hmap_core.waypoints.support import Support
+from hmap_core.waypoints.support import Support, feet
 
 # what the judge of plans allows, m: deeper at the start or the goal is refused
 PENETRATION_ALLOWED = 1e-3
@@ -18,6 +21,8 @@ SUPPORT_TOLERANCE = 1e-3
 CONTACT_SLACK = 1e-5
 # distances beyond this do not matter, m
 CLEARANCE_CAP = 0.25
+# frames nearer than this are one, m
+SAME_PLACE = 1e-9
 
 
 class ObstacleShapes:
@@ -74,7 +79,7 @@ class ObjectChecker:
     not obstacles; its centre of mass then has to stay over them.
     """
 
-    def __init__(self, problem: ObjectPathProblem, geometry: Geometry, planar: bool):
+    def __init__(self, problem: ObjectPathProblem, geometry: Geometry, planar: bool, margin: float):
         self.planar = planar
         self.body = geometry.body
         reach = [np.linalg.norm(self.body.hull(k), axis=1).max() + self.body.radius[k] for k in range(len(self.body))]
@@ -84,7 +89,7 @@ class ObjectChecker:
         self.support = None
         shapes = everything
         if planar:
-            lowest = float(min(h.min(0)[2] - r for h, r in self._hulls(problem.start)))
+            lowest = feet(self.body, rotation_matrix(problem.start))[1] + float(problem.start[2])
             below = everything.upper[:, 2] <= lowest + SUPPORT_TOLERANCE
             carrying = below & (everything.upper[:, 2] >= lowest - SUPPORT_TOLERANCE)
             support = Support(self.body, everything, carrying, problem.start)
@@ -93,15 +98,21 @@ class ObjectChecker:
             shapes = everything.kept(~below)
         self.obstacles = shapes
         self._b = shapes.arrays
-        ends = np.minimum(self.distances(problem.start), self.distances(problem.goal))
-        self.contact = ends < problem.margin  # (SB,) touched, or nearly, at an end
-        self.required = np.maximum(np.minimum(problem.margin, ends - CONTACT_SLACK), -PENETRATION_ALLOWED)
-        self._no_extra = np.zeros(len(ends))
-        self.blocked = np.zeros(len(ends), np.int64)  # how often each shape stopped a motion
-        self.checks = 0
+        self._ends = np.minimum(self.distances(problem.start), self.distances(problem.goal))
+        self._no_extra = np.zeros(len(self._ends))
+        self.checks = 0  # motions looked at
+        self._keep(margin)
 
-    def _hulls(self, T: np.ndarray):
-        return [(apply(T, self.body.hull(k)), self.body.radius[k]) for k in range(len(self.body))]
+    def _keep(self, margin: float) -> None:
+        self.contact = self._ends < margin  # (SB,) touched, or nearly, at an end
+        self.required = np.maximum(np.minimum(margin, self._ends - CONTACT_SLACK), -PENETRATION_ALLOWED)
+        self.blocked = np.zeros(len(self._ends), np.int64)  # how often each shape stopped a motion
+
+    def with_margin(self, margin: float) -> "ObjectChecker":
+        """The same checker with another margin in metres."""
+        other = copy(self)
+        other._keep(margin)
+        return other
 
     @property
     def owners(self) -> list[str]:
@@ -153,6 +164,24 @@ class ObjectChecker:
             if free < 1.0 and name not in names:
                 names.append(name)
         return names
+
+
+def body_middle(body: Body) -> np.ndarray:
+    """Centre (3,) of the bounds of the body's largest shape, body frame: what the body best turns about."""
+    hulls = [hull_vertices(shape) for shape in body.shapes]
+    largest = max(hulls, key=lambda hull: np.linalg.norm(np.ptp(hull[0], axis=0) + 2.0 * hull[1]))[0]
+    middle = 0.5 * (largest.min(axis=0) + largest.max(axis=0))
+    return middle if np.abs(middle).max() > SAME_PLACE else np.zeros(3)
+
+
+def recentred(problem: ObjectPathProblem, middle: np.ndarray) -> ObjectPathProblem:
+    """The same problem with the body's frame moved to ``middle`` (3,), about which its motions then turn."""
+    if not middle.any():
+        return problem
+    shift = pose(-middle)
+    shapes = tuple(replace(shape, pose=multiply(shift, shape.pose)) for shape in problem.body.shapes)
+    start, goal = (multiply(T, pose(middle)) for T in (problem.start, problem.goal))
+    return replace(problem, body=replace(problem.body, shapes=shapes), start=start, goal=goal)
 
 
 def check_ends(problem: ObjectPathProblem, geometry: Geometry) -> None:

@@ -4,11 +4,11 @@ import time
 
 import numpy as np
 
-from hmap_core.transforms import rotation_matrix
-from hmap_core.waypoints.checker import Geometry, ObjectChecker, check_ends, flattened
+from hmap_core.transforms import multiply, pose, rotation_matrix
+from hmap_core.waypoints.checker import Geometry, ObjectChecker, body_middle, check_ends, flattened, recentred
 from hmap_core.waypoints.kernels import lengths
 from hmap_core.waypoints.problem import NoObjectPath, ObjectPath, ObjectPathProblem
-from hmap_core.waypoints.resample import cut, resample
+from hmap_core.waypoints.resample import chord_step, consistent, cut, resample
 from hmap_core.waypoints.roadmap import SAME_POSE, direct_path, exits
 from hmap_core.waypoints.rrt import rrt_path
 from hmap_core.waypoints.shorten import smooth
@@ -23,6 +23,10 @@ PLANAR_SHARE = 0.4
 # share of the time limit for asking whether removable bodies are what blocks
 REMOVAL_SHARE = 0.25
 DEFAULT_TIME_LIMIT = 5.0  # s
+# shares of the problem's margin that are tried where the whole is too much
+TIGHTER = (0.25,)
+# each further series of RRTConnect may check this many times more motions
+GROWTH = 2
 
 
 def plan_waypoints(
@@ -40,27 +44,30 @@ def plan_waypoints(
         NoObjectPath: nothing found; says what blocks and which removable bodies would have to go.
     """
     began = time.monotonic()
-    geometry = Geometry(problem)
-    check_ends(problem, geometry)
     share = 1.0 - REMOVAL_SHARE if problem.removable else 1.0
-    path, checkers = _search(problem, geometry, rng, began, share * time_limit_s)
+    path, checkers = _search(problem, rng, began, share * time_limit_s)
     if path is not None:
         return path
     raise _failure(problem, checkers, rng, began + time_limit_s)
 
 
-def _search(problem, geometry, rng, began, time_limit_s) -> tuple[ObjectPath | None, list[ObjectChecker]]:
-    """Try planar and spatial motion as the problem allows."""
-    checkers = []
+def _search(problem, rng, began, time_limit_s) -> tuple[ObjectPath | None, list[ObjectChecker]]:
+    """Try planar and spatial motion as the problem allows, in a frame in the middle of the body."""
+    middle = body_middle(problem.body)
+    central = recentred(problem, middle)
+    geometry = Geometry(central)
+    check_ends(central, geometry)
+    tried = []
     for planar, share in _motions(problem):
-        checker = ObjectChecker(problem, geometry, planar)
-        if planar and problem.motion == "auto" and checker.support is None:
+        checker = ObjectChecker(central, geometry, planar, problem.margin)
+        checkers = [checker, *(checker.with_margin(share_of * problem.margin) for share_of in TIGHTER)]
+        if planar and problem.motion == "auto" and checkers[0].support is None:
             continue
-        checkers.append(checker)
-        corners = _corners(problem, checker, rng, began + share * time_limit_s)
-        if corners is not None:
-            return _finished(problem, checker, corners), checkers
-    return None, checkers
+        tried += checkers
+        found = _corners(central, checkers, rng, began + share * time_limit_s)
+        if found is not None:
+            return _finished(problem, middle, *found), tried
+    return None, tried
 
 
 def _motions(problem: ObjectPathProblem) -> list[tuple[bool, float]]:
@@ -92,41 +99,54 @@ def search_bounds(problem: ObjectPathProblem, checker: ObjectChecker) -> np.ndar
     return np.array([np.maximum(wanted[0], near[0]), np.minimum(wanted[1], near[1])])
 
 
-def _corners(problem, checker, rng, deadline) -> np.ndarray | None:
-    """A smoothed free path (n, 7): by the small roadmap, else by RRTConnect from the exits of start and goal."""
-    start = np.asarray(problem.start, float)
-    goal = flattened(problem, problem.goal) if checker.planar else np.asarray(problem.goal, float)
-    bounds = search_bounds(problem, checker)
-    path = direct_path(checker, start, goal, bounds)
-    if path is None:
-        ends = [[T, *exits(checker, T, other, bounds)] for T, other in ((start, goal), (goal, start))]
-        path = rrt_path(checker, *ends, bounds, rng, deadline)
-        if path is None:
-            return None
-        # a tree may begin at an exit; the way from the true end to it was found free
-        path = np.concatenate([start[None], path, goal[None]])
-        path = path[np.concatenate(([True], lengths(path, checker.radius) > SAME_POSE))]
-    return smooth(checker, path, rng)
+def _corners(problem, checkers, rng, deadline) -> tuple[ObjectChecker, np.ndarray] | None:
+    """A smoothed free path (n, 7) and the checker that allows it, the wider margin first.
+
+    By the small roadmap, else by RRTConnect from the exits of start and goal, with growing budgets.
+    """
+    bounds = search_bounds(problem, checkers[0])
+    ends: dict[int, tuple] = {}
+    scale = 1
+    while True:
+        for k, checker in enumerate(checkers):
+            start = np.asarray(problem.start, float)
+            goal = flattened(problem, problem.goal) if checker.planar else np.asarray(problem.goal, float)
+            path = None
+            if k not in ends:
+                path = direct_path(checker, start, goal, bounds)
+                if path is None:
+                    ends[k] = tuple([T, *exits(checker, T, o, bounds)] for T, o in ((start, goal), (goal, start)))
+            if path is None:
+                path = rrt_path(checker, *ends[k], bounds, rng, deadline, scale)
+            if path is not None:
+                # a tree may begin at an exit; the way from the true end to it was found free
+                path = np.concatenate([start[None], path, goal[None]])
+                path = path[np.concatenate(([True], lengths(path, checker.radius) > SAME_POSE))]
+                return checker, smooth(checker, path, rng)
+            if time.monotonic() >= deadline:
+                return None
+        scale *= GROWTH
 
 
-def _finished(problem, checker, corners) -> ObjectPath:
-    poses, where = resample(corners)
-    poses[-1, :3] = problem.goal[:3]
-    poses[-1, 3:] = problem.goal[3:] * (1.0 if problem.goal[3:] @ poses[-1, 3:] >= 0.0 else -1.0)
-    clearance = checker.clearances(poses)
+def _finished(problem, middle, checker, corners) -> ObjectPath:
+    dense, where = resample(corners, chord_step(float(np.linalg.norm(middle))))
+    poses = np.array([multiply(T, pose(-middle)) for T in dense]) if middle.any() else dense.copy()
+    for k, T in ((0, problem.start), (-1, problem.goal)):
+        poses[k] = T
     motion = "planar" if checker.planar else "spatial"
-    return ObjectPath(poses, cut(corners, where, checker.radius), clearance, motion)
+    return ObjectPath(consistent(poses), cut(corners, where, checker.radius), checker.clearances(dense), motion)
 
 
 def _failure(problem, checkers, rng, deadline) -> NoObjectPath:
     """Name what blocks, and whether a path exists without the removable bodies."""
+    central = recentred(problem, body_middle(problem.body))
     straight: list[str] = []
     frontier: list[str] = []
     leaves = ""
     for checker in checkers:
-        goal = flattened(problem, problem.goal) if checker.planar else problem.goal
-        straight += checker.hit_by(problem.start, goal)
-        if not checker.supported_along(problem.start, goal):
+        goal = flattened(central, central.goal) if checker.planar else central.goal
+        straight += checker.hit_by(central.start, goal)
+        if not checker.supported_along(central.start, goal):
             leaves = " and leaves the support"
         stopped = np.argsort(-checker.blocked, kind="stable")
         frontier += [checker.owners[j] for j in stopped if checker.blocked[j] and not checker.contact[j]]
@@ -139,7 +159,7 @@ def _failure(problem, checkers, rng, deadline) -> NoObjectPath:
     if problem.removable:
         found = f"; without {_listed(free_without)} there is one" if free_without else None
         hint = found or "; none was found without the removable bodies either"
-    kinds = " or ".join("planar" if c.planar else "spatial" for c in checkers)
+    kinds = " or ".join(dict.fromkeys("planar" if c.planar else "spatial" for c in checkers))
     return NoObjectPath(
         f"no {kinds} path of '{problem.body.name}' to its goal was found: {what}{hint}",
         tuple(straight + frontier),
@@ -160,7 +180,6 @@ def _free_without(problem, blockers, rng, deadline) -> tuple[str, ...] | None:
     for k, gone in enumerate(tries):
         now = time.monotonic()
         limit = max(deadline - now, 0.0) / (len(tries) - k)
-        smaller = problem.without(frozenset(gone))
-        if _search(smaller, Geometry(smaller), rng, now, limit)[0] is not None:
+        if _search(problem.without(frozenset(gone)), rng, now, limit)[0] is not None:
             return gone
     return None

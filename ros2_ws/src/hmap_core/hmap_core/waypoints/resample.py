@@ -8,18 +8,25 @@ from hmap_core.waypoints.kernels import between
 # successive poses are at most this far apart
 POSITION_STEP = 0.01  # m
 ROTATION_STEP = float(np.deg2rad(3.0))
+# a body whose frame is not in its middle may leave the checked motion by this much between poses, m
+CHORD_ERROR = 1e-4
 # a waypoint is put where the motion's direction has changed by more than this since the last one
 CUT_ANGLE = float(np.deg2rad(10.0))
 # motions smaller than this have no direction, m
 _STILL = 1e-6
 
 
-def resample(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def chord_step(arm: float) -> float:
+    """Turn in rad, at most ROTATION_STEP, over which an arc of radius ``arm`` m and its chord differ by CHORD_ERROR."""
+    return min(ROTATION_STEP, 2.0 * float(np.arccos(1.0 - CHORD_ERROR / max(arm, CHORD_ERROR))))
+
+
+def resample(corners: np.ndarray, rotation_step: float = ROTATION_STEP) -> tuple[np.ndarray, np.ndarray]:
     """Dense poses (M, 7) along straight motions between corners (n, 7), and each corner's index (n,) among them."""
     poses, where = [corners[0]], [0]
     for a, b in zip(corners[:-1], corners[1:], strict=True):
         d, angle = distance(a, b)
-        count = max(int(np.ceil(max(d / POSITION_STEP, angle / ROTATION_STEP))), 1)
+        count = max(int(np.ceil(max(d / POSITION_STEP, angle / rotation_step))), 1)
         part = between(a, b, np.linspace(0.0, 1.0, count + 1))[1:]
         part[-1] = b
         poses.extend(part)

@@ -1,23 +1,26 @@
 """Cheap, deterministic candidates before any sampling: a small roadmap of moves along the axes, searched lazily.
 
 The nodes are the start, the goal, and poses reached from either by moving along an axis of the body or of the world:
-out of a slot, up and over, round a corner; each with the orientation of the start and of the goal. Edges are assumed to
-be free and checked only when the shortest path uses them (Bohlin & Kavraki, "Path planning using lazy PRM", ICRA 2000).
+out of a slot, up and over, round a corner, with the orientation of the start and of the goal; and quarter turns of the
+two ends. Edges are assumed to be free and checked only when the shortest path uses them (Bohlin & Kavraki, "Path
+planning using lazy PRM", ICRA 2000).
 """
 
 import numpy as np
 from numba import njit
 
-from hmap_core.transforms import rotation_matrix
+from hmap_core.transforms import quaternion_multiply, rotation_matrix
 from hmap_core.waypoints import kernels
 from hmap_core.waypoints.checker import ObjectChecker
 
 # motions checked before the sampling planner takes over
-MAX_CHECKS = 250
+MAX_CHECKS = 400
 # heights tried above the higher of start and goal in spatial motion, m
 LIFTS = (0.03, 0.08, 0.15, 0.3, 0.5)
 # fractions of the free way along an axis at which a node is put
 FRACTIONS = (1.0, 0.5)
+# a body with less room than this to both sides is also tried in the middle, m
+GAP = 0.05
 # kept from the end of the free way, m
 BACK_OFF = 0.01
 # a further node costs as much as this length of path, m
@@ -65,6 +68,25 @@ def exits(checker: ObjectChecker, T: np.ndarray, other: np.ndarray, bounds: np.n
     return [e for e in found if checker.supported_along(T, e)]
 
 
+def _in_the_middle(checker: ObjectChecker, T: np.ndarray) -> np.ndarray:
+    """T (7,) moved along the axes of the world to the middle of the gaps it is in."""
+    T = np.array(T, float)
+    for axis in np.eye(3)[: 2 if checker.planar else 3]:
+        ahead, back = (checker.free_part(T, _moved(T, side * GAP * axis)) for side in (1.0, -1.0))
+        if ahead < 1.0 and back < 1.0:
+            T = _moved(T, 0.5 * GAP * (ahead - back) * axis)
+    return T
+
+
+def _turned(checker: ObjectChecker, T: np.ndarray) -> list[np.ndarray]:
+    """T (7,) turned by a quarter about the axes of the body; about the vertical alone in planar motion."""
+    sine = np.sqrt(0.5)
+    quarter = [np.array([*(side * sine * axis), sine]) for axis in np.eye(3) for side in (1.0, -1.0)]
+    if checker.planar:
+        return [np.concatenate([T[:3], quaternion_multiply(q, T[3:])]) for q in quarter[4:]]
+    return [np.concatenate([T[:3], quaternion_multiply(T[3:], q)]) for q in quarter]
+
+
 def _nodes(
     checker: ObjectChecker, start: np.ndarray, goal: np.ndarray, radius: float, bounds: np.ndarray
 ) -> np.ndarray:
@@ -72,6 +94,8 @@ def _nodes(
     if not checker.planar:
         top = max(start[2], goal[2])
         poses += [np.r_[T[:2], top + h, T[3:]] for T in (start, goal) for h in LIFTS]
+    middles = [_in_the_middle(checker, T) for T in (start, goal)]
+    poses += middles + [turned for T in (start, goal, *middles) for turned in _turned(checker, T)]
     poses += [np.r_[T[:3], q] for T in list(poses) for q in (start[3:], goal[3:])]
     poses = np.array(poses)
     near = kernels.all_lengths(poses, radius) <= SAME_POSE

@@ -19,8 +19,6 @@ from hmap_core.waypoints.checker import ObjectChecker, planar_pose
 
 # longest step of a tree as a fraction of the space's extent, and motions checked before the next is tried
 ROUNDS = ((0.3, 400), (0.1, 800), (0.03, 1600))
-# each further series of rounds may check this many times more motions
-GROWTH = 2
 _LOCK = threading.Lock()
 _MAX_SEED = 2**31 - 1
 
@@ -93,8 +91,9 @@ def rrt_path(
     bounds: np.ndarray,
     rng: np.random.Generator,
     deadline: float,
+    scale: int = 1,
 ) -> np.ndarray | None:
-    """Poses (n, 7) of a free path from any of ``starts`` to any of ``goals``, or None at the deadline.
+    """Poses (n, 7) of a free path from any of ``starts`` to any of ``goals``, or None when the ROUNDS are used up.
 
     Args:
         checker: what is free; poses are those of its kind of motion.
@@ -102,15 +101,13 @@ def rrt_path(
         bounds: (2, 3) lower and upper position, m.
         rng: the only source of randomness.
         deadline: ``time.monotonic()`` after which to give up.
+        scale: each round checks this many times its motions.
     """
-    scale = 1
-    while time.monotonic() < deadline:
-        for fraction, budget in ROUNDS:
-            seed = int(rng.integers(1, _MAX_SEED))
-            path = _solve(checker, starts, goals, bounds, seed, fraction, budget * scale, deadline)
-            if path is not None or time.monotonic() >= deadline:
-                return path
-        scale *= GROWTH
+    for fraction, budget in ROUNDS:
+        seed = int(rng.integers(1, _MAX_SEED))
+        path = _solve(checker, starts, goals, bounds, seed, fraction, budget * scale, deadline)
+        if path is not None or time.monotonic() >= deadline:
+            return path
     return None
 
 
