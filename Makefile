@@ -4,7 +4,7 @@
 #
 # Every step leaves a stamp in .venv/stamps and is done again only when what it depends on has changed.
 
-PYTHON ?= python3.11
+PYTHON ?= $(shell command -v python3.11 || echo python3)
 VENV := .venv
 STAMPS := $(VENV)/stamps
 PIP := $(VENV)/bin/pip --disable-pip-version-check

@@ -4,6 +4,13 @@ set -euo pipefail
 
 python=${1:-python3.11}
 missing=()
+
+version=$("$python" -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null || echo none)
+if [ "$version" != 3.11 ]; then
+  echo "Python 3.11 is needed: the ROS wheels of PyPI are built for it; $python is $version." >&2
+  echo "Name one with: make PYTHON=/path/to/python3.11" >&2
+  exit 1
+fi
 libraries=$(PATH=$PATH:/sbin:/usr/sbin ldconfig -p)
 
 needs_library() { # file, Debian package
@@ -14,9 +21,9 @@ needs_library libusb-1.0.so.0 libusb-1.0-0 # open3d
 needs_library libGL.so.1 libgl1            # open3d
 needs_library libgomp.so.1 libgomp1        # open3d, coal
 command -v c++ >/dev/null || missing+=(g++) # the generated type supports
-"$python" -c 'import ensurepip' 2>/dev/null || missing+=("$(basename "$python")-venv")
+"$python" -c 'import ensurepip' 2>/dev/null || missing+=(python3.11-venv)
 headers=$("$python" -c 'import sysconfig; print(sysconfig.get_path("include"))')
-[ -f "$headers/Python.h" ] || missing+=("$(basename "$python")-dev")
+[ -f "$headers/Python.h" ] || missing+=(python3.11-dev)
 
 if [ ${#missing[@]} -eq 0 ]; then
   exit 0
