@@ -404,9 +404,10 @@ def test_object_bridging_two_supports(urdf):
     assert check(drop_at(urdf, (0.3, 0.0, 0.08), extra=rails)).valid
 
 
-def test_object_clamped_beside_a_wall_is_not_carried_by_it(urdf):
-    wall = plans.box("wall", (0.02, 0.1, 0.3), (0.3395, 0.0, 0.15), "fixed")  # 0.5 mm into the cube
-    assert "unsupported" in plans.kinds(check(drop_at(urdf, (0.3, 0.0, 0.1), extra=(wall,))))
+def test_object_clamped_between_two_walls_is_not_carried_by_them(urdf):
+    # each reaches 0.5 mm into the cube, which hangs between them
+    walls = [plans.box(f"wall{x}", (0.02, 0.1, 0.1), (x, 0.0, 0.05), "fixed") for x in (0.2605, 0.3395)]
+    assert plans.kinds(check(drop_at(urdf, (0.3, 0.0, 0.06), extra=walls))) == {"unsupported"}
 
 
 def test_support_taken_away(urdf):
@@ -467,6 +468,11 @@ def test_friction_cone(urdf, to, friction, valid):
 
 def test_pushing_round_an_arc(tmp_path):
     assert check(plans.arc_push(tmp_path, 0.5)).valid
+
+
+def test_pushing_round_a_tight_arc_needs_a_torque(tmp_path):
+    assert check(plans.arc_push(tmp_path, 0.12, aside=-0.03)).valid  # pushed beyond its centre it turns inwards
+    assert plans.kinds(check(plans.arc_push(tmp_path, 0.12, aside=0.005))) == {"friction_cone"}
 
 
 def test_pushing_beside_the_centre_of_mass_turns_the_object(tmp_path):
