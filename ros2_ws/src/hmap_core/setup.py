@@ -12,6 +12,7 @@ setup(
     # Why each is there is said in requirements.txt, which also has the versions that are known to work.
     install_requires=[
         "casadi",
+        "coacd",
         "coal",
         "hmap_scenes",
         "jsonschema",
