@@ -121,6 +121,9 @@ def _shape(reader: Reader) -> ShapeData:
     size = reader.get("size")
     numbers = (size.value,) if isinstance(size.value, int | float) else size.value
     values = Reader(numbers, size.where).array((SIZES[kind],))
+    low, high = limits.SIZES
+    if kind != "mesh" and not np.all((values >= low) & (values <= high)):
+        size.fail(f"sizes are from {low:g} to {high:g} m")
     if not np.all(values > 0.0):
         size.fail("positive numbers are needed")
     given = reader.find("vertices") if kind == "mesh" else None
@@ -153,6 +156,8 @@ def _gripper(reader: Reader | None) -> GripperData | None:
     if reader is None:
         return None
     low, high = reader.find("min_opening"), reader.find("max_opening")
+    if not reader.get("finger_links").texts():
+        reader.get("finger_links").fail("a gripper has at least one finger link")
     return GripperData(
         joint_names=reader.get("joint_names").texts(),
         per_joint=reader.get("per_joint").number(),

@@ -9,6 +9,8 @@ MAX_SUBDIVISION = 128  # looks between two samples; only a jump, which is report
 INSTANTS_AT_ONCE = 20_000  # instants between samples that are held in memory together
 
 # --- file ---
+LARGEST = 1e9  # no number of a plan is larger
+SIZES = (1e-5, 1e3)  # m, of a shape
 QUATERNION_NORM = 1e-3  # deviation of a quaternion's norm from one
 TIME_UNIFORMITY = 1e-3  # deviation of a sample's time from the uniform grid, as a part of the step
 ROUNDING = 1e-6  # m or rad, what decimals cut off in a file may add to a sample

@@ -52,19 +52,23 @@ class Reader:
         return self.value
 
     def texts(self) -> tuple[str, ...]:
+        """A list of texts."""
         return tuple(element.text() for element in self.elements())
 
     def array(self, shape: tuple[int | None, ...]) -> np.ndarray:
         """Finite numbers of a shape; None in the shape means any length."""
-        wanted = "x".join("n" if n is None else str(n) for n in shape) or "one"
+        counts = "x".join("n" if n is None else str(n) for n in shape)
+        wanted = f"{counts} numbers are needed" if shape else "a number is needed"
         try:
             array = np.asarray(self.value, float)
-        except (TypeError, ValueError):
-            self.fail(f"{wanted} numbers are needed")
+        except (TypeError, ValueError, OverflowError):
+            self.fail(wanted)
         if array.ndim != len(shape) or any(n not in (None, m) for n, m in zip(shape, array.shape, strict=True)):
-            raise unusable(f"{self.where}: shape {array.shape}; {wanted} numbers are needed")
+            raise unusable(f"{self.where}: shape {array.shape}; {wanted}")
         if not np.all(np.isfinite(array)):
             raise unusable(f"{self.where}: holds NaN or infinity; finite numbers are needed")
+        if np.any(np.abs(array) > limits.LARGEST):
+            raise unusable(f"{self.where}: holds {np.abs(array).max():g}; numbers up to {limits.LARGEST:g} are allowed")
         return array
 
     def number(self, allowed: str = "", accept: Callable[[float], bool] = lambda _: True) -> float:
