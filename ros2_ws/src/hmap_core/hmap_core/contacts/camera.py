@@ -19,6 +19,9 @@ COVER = 1e-4
 # material nearer to the point than this along the line of sight is the surface itself, m
 SKIN = 1e-5
 DEFAULT_POINTS = 400
+# when fewer than this share of the points are seen, as many are spread again, so often at most
+ENOUGH = 0.125
+MAX_ROUNDS = 4
 
 
 @dataclass(frozen=True)
@@ -96,7 +99,7 @@ def visible_points(
         body: the object; its own ``pose`` is not used.
         T_world_obj: (7,) where it is.
         obstacles: what else may hide it, as (body, T_world_body).
-        n: points spread over the whole surface; fewer come back.
+        n: points spread over the whole surface; fewer come back, and where little is seen they are spread more densely.
         include_unseen: keep the unseen ones too, with ``seen`` false, as a second choice. Points inside another shape
             of the same body, or against it, never come back.
 
@@ -105,27 +108,33 @@ def visible_points(
     """
     if n < 1:
         raise InputError(f"{n} surface points were asked for; at least 1 is needed")
-    points, normals = sample_surface(body.shapes, n, rng)
     own = solids([(shape, IDENTITY) for shape in body.shapes])
-    if len(own) > 1:
-        keep = _uncovered(points, normals, *own.arrays)
-        points, normals = points[keep], normals[keep]
-    seen = _seen_by(points, normals, body, T_world_obj, obstacles, list(cameras))
-    cloud = Cloud(points, normals, seen)
-    return cloud if include_unseen else cloud[seen]
+    posed = [(shape, T_world_obj) for shape in body.shapes]
+    scene = solids(posed + [(shape, T) for other, T in obstacles for shape in other.shapes])
+    cameras = list(cameras)
+    parts: list[Cloud] = []
+    for k in range(MAX_ROUNDS if cameras else 1):
+        points, normals = sample_surface(body.shapes, n, rng)
+        if len(own) > 1:
+            keep = _uncovered(points, normals, *own.arrays)
+            points, normals = points[keep], normals[keep]
+        seen = _seen_by(points, normals, T_world_obj, scene, cameras)
+        cloud = Cloud(points, normals, seen)
+        parts.append(cloud if include_unseen and k == 0 else cloud[seen])
+        if sum(int(part.seen.sum()) for part in parts) >= ENOUGH * n:
+            break
+    return Cloud(*(np.concatenate([getattr(p, field) for p in parts]) for field in ("points", "normals", "seen")))
 
 
-def _seen_by(points, normals, body, T_world_obj, obstacles, cameras) -> np.ndarray:
+def _seen_by(points, normals, T_world_obj, scene, cameras) -> np.ndarray:
     if not cameras:
         return np.zeros(len(points), bool)
-    posed = [(shape, T_world_obj) for shape in body.shapes]
-    posed += [(shape, T) for other, T in obstacles for shape in other.shapes]
     eyes = np.array([camera.pose[:3] for camera in cameras])
     axes = np.array([np.ascontiguousarray(rotation_matrix(camera.pose).T) for camera in cameras])
     tan_y = np.array([np.tan(camera.fov_y / 2) for camera in cameras])
     tan_x = tan_y * np.array([camera.width / camera.height for camera in cameras])
     world_normals = normals @ rotation_matrix(T_world_obj).T
-    return _seen(apply(T_world_obj, points), world_normals, eyes, axes, tan_x, tan_y, *solids(posed).arrays)
+    return _seen(apply(T_world_obj, points), world_normals, eyes, axes, tan_x, tan_y, *scene.arrays)
 
 
 def project(camera: Camera, points: np.ndarray) -> np.ndarray:

@@ -16,6 +16,8 @@ WIDTH_CLEARANCE = 5e-4
 APPROACHES = 12
 # the fingers are put this share of their tip length less deep at most, to keep the palm clear
 SHALLOWEST = 0.5
+# material this far up along the pads is held as well as any more, m
+DEEP = 0.01
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -75,13 +77,15 @@ def grasps(
     z = np.cos(turn)[:, None] * down + np.sin(turn)[:, None] * other
     R = frames(z, np.cross(y, z))
     middle = points - 0.5 * width[:, None] * normals
-    over = depth_below(middle, np.ascontiguousarray(-z), *own.arrays) - hand.palm_clearance
+    above = depth_below(middle, np.ascontiguousarray(-z), *own.arrays)
+    over = above - hand.palm_clearance
     shallower = np.maximum(over, 0.0)
     keep = shallower <= SHALLOWEST * hand.gripper.tip_offset
     origin = middle - z * shallower[:, None]
     score = (
         scoring.W_CENTRAL * scoring.central(middle, centre, radius)
         + scoring.W_ABOVE * scoring.above(R, situation.T_world_obj)
+        + scoring.W_DEEP * np.minimum(above / DEEP, 1.0)
         + scoring.W_NEAR * scoring.near(points, situation, radius)
         + scoring.W_SEEN * np.repeat(cloud.seen[good], count)
     )

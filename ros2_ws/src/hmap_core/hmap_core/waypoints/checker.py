@@ -1,5 +1,6 @@
 """Whether a body may stand at a pose and move between two: collision and support together."""
 
+import math
 from copy import copy
 from dataclasses import replace
 
@@ -215,7 +216,6 @@ def flattened(problem: ObjectPathProblem, T: np.ndarray) -> np.ndarray:
 
 def planar_pose(start: np.ndarray, x: float, y: float, yaw: float) -> np.ndarray:
     """The pose (7,) at x, y that is turned from ``start`` by ``yaw`` about the vertical, at the height of ``start``."""
-    turn = np.array([0.0, 0.0, 0.0, 0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)])
-    T = multiply(turn, np.r_[np.zeros(3), start[3:]])
-    T[:3] = x, y, start[2]
-    return T
+    s, c = math.sin(yaw / 2), math.cos(yaw / 2)
+    qx, qy, qz, qw = start[3:].tolist()
+    return np.array([x, y, start[2], c * qx - s * qy, c * qy + s * qx, c * qz + s * qw, c * qw - s * qz])
