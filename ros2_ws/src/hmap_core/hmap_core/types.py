@@ -1,4 +1,4 @@
-"""The data that the parts of hmap pass to each other. SI units, world frame, poses as in :mod:`hmap_core.transforms`."""
+"""The data that the parts of hmap pass to each other: SI units, world frame, poses as in transforms.py."""
 
 from dataclasses import dataclass, field, replace
 from enum import StrEnum

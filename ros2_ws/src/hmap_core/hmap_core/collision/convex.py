@@ -110,7 +110,11 @@ def convex_set(shapes: Sequence[Shape]) -> ConvexSet:
 def transformed(shapes: ConvexSet, T: np.ndarray) -> ConvexSet:
     """The same shapes seen from a frame in which theirs has the pose T (7,)."""
     return ConvexSet(
-        np.ascontiguousarray(apply(T, shapes.vertices)), shapes.start, shapes.radius, apply(T, shapes.center), shapes.bound
+        np.ascontiguousarray(apply(T, shapes.vertices)),
+        shapes.start,
+        shapes.radius,
+        apply(T, shapes.center),
+        shapes.bound,
     )
 
 

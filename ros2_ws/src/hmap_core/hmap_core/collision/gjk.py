@@ -1,9 +1,9 @@
 """Signed distance of two convex shapes: GJK outside, EPA inside.
 
 A shape is the convex hull of vertices swept by a sphere: a box is 8 vertices and radius 0, a sphere one vertex and its
-radius, a capsule two. Outside, the distance of the cores is found by GJK [1] with closest-point sub-problems after [2]; in
-overlap the penetration depth is found by the expanding polytope algorithm [3], so the value keeps growing and its gradient
-keeps its meaning however deep the overlap is.
+radius, a capsule two. Outside, the distance of the cores is found by GJK [1] with closest-point sub-problems after
+[2]; in overlap the penetration depth is found by the expanding polytope algorithm [3], so the value keeps growing and
+its gradient keeps its meaning however deep the overlap is.
 
 [1] Gilbert, Johnson, Keerthi 1988. [2] Ericson, Real-Time Collision Detection, 2005, ch. 5. [3] van den Bergen 2001.
 """
@@ -305,7 +305,7 @@ def _tetrahedron(VA, RA, pA, VB, RB, pB, W, WA, WB, n, tmp):
 
 @nb.njit(**OPTIONS)
 def _epa(VA, RA, pA, VB, RB, pB, W, WA, WB, tmp, normal, point_a, point_b):
-    """Penetration depth of two overlapping cores from a tetrahedron W around the origin; normal points from A into B."""
+    """Penetration depth of two overlapping cores from a tetrahedron W round the origin; normal: from A into B."""
     P = np.empty((EPA_VERTICES, 3))
     PA = np.empty((EPA_VERTICES, 3))
     PB = np.empty((EPA_VERTICES, 3))

@@ -71,19 +71,3 @@ def pair_distance(cols, k, R, p, centers, cutoff, axis, witness, work):
     axis[1] = work[0, 1]
     axis[2] = work[0, 2]
     return d
-
-
-@nb.njit(**OPTIONS)
-def worst_pair(cols, R, p, phases, floor, axes, centers, witness, work):
-    """The pair that violates its margin most: (margin - distance, pair), or (floor, -1) when none exceeds ``floor``."""
-    place_centers(cols, R, p, centers)
-    worst = floor
-    index = -1
-    for k in range(cols.a.shape[0]):
-        if cols.phases[k] & phases == 0:
-            continue
-        d = pair_distance(cols, k, R, p, centers, cols.margin[k] - worst, axes[k], witness, work)
-        if cols.margin[k] - d > worst:
-            worst = cols.margin[k] - d
-            index = k
-    return worst, index

@@ -31,8 +31,10 @@ class CollisionModel:
 
     def add(self, name: str, vertices: np.ndarray, radius: float, frame: int, sphere=None) -> int:
         """Adds a shape and returns its number; ``sphere`` (center (3,), radius) bounds it where it is known."""
-        center, bound = sphere or bounding_sphere(vertices)
-        self.hulls.append((np.ascontiguousarray(vertices, float), float(radius), center, bound + (0 if sphere else radius)))
+        if sphere is None:
+            center, bound = bounding_sphere(vertices)
+            sphere = center, bound + radius
+        self.hulls.append((np.ascontiguousarray(vertices, float), float(radius), *sphere))
         self.frames.append(frame)
         self.names.append(name)
         return len(self.hulls) - 1
@@ -43,6 +45,10 @@ class CollisionModel:
             self.add(name, shapes.hull(s), shapes.radius[s], frame, (shapes.center[s], shapes.bound[s]))
             for s in range(len(shapes))
         ]
+
+    def copy(self) -> "CollisionModel":
+        """A model of the same shapes and pairs that grows on its own."""
+        return CollisionModel(list(self.hulls), list(self.frames), list(self.names), list(self.pairs))
 
     def keep_apart(self, A: Iterable[int], B: Sequence[int], margin: float, phases: int = ALL_PHASES) -> None:
         """Every shape of A keeps ``margin`` metres from every one of B in the phases of the bit mask."""

@@ -1,26 +1,43 @@
 """The feasibility half of Algorithm 3: which contacts a robot can reach, and how far they can carry the object.
 
-Eq. (3) of the paper as a batch: for every candidate the contact pose and the pre-contact pose have to be reachable without
-collision. For those that are, the robot is led along the object's path in small steps, which says how far the contact
-serves: the waypoints are cut where contacts end, not at fixed distances.
+Eq. (3) of the paper as a batch, cheapest question first. The hand, and the object in it, are rigid: whether they are
+free at the contact, while drawing back, and along the object's path does not depend on the arm, so it is answered for
+all candidates without any inverse kinematics. What is left is tried in the order of how far it could serve at best:
+the contact and the pre-contact pose have to be reachable without collision, then the robot is led along the object's
+path in small steps, which says how far the contact really serves. So waypoints are cut where contacts end, not at
+fixed distances.
 """
 
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from hmap_core.komo.features import relative_pose
-from hmap_core.komo.manipulation import Manipulation, Phase, free_opening, retreated
+from hmap_core.contacts.hand_reach import hand_reach
+from hmap_core.komo.features import pose_params_all, relative_pose
+from hmap_core.komo.manipulation import Manipulation, Phase, bit, retreated
 from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.transcription import IK_OPTIONS, KomoProblem, follow_ik, solve_ik_batch
-from hmap_core.transforms import IDENTITY, multiply
-from hmap_core.types import ContactPoint
+from hmap_core.transforms import IDENTITY, inverse, multiply, multiply_all, rotation_matrix
+from hmap_core.types import ContactKind, ContactPoint
 
 RESTARTS = 2  # random configurations tried after the home posture
 MAX_JUMP = 0.5  # rad a joint may turn between two neighbouring poses of the object's path
-RETREAT_STEP = 2  # poses by which the reach is shortened until the hand can leave
-OPENING_RESOLUTION = 0.001  # m: contacts whose fingers open alike to this are checked together
+APPROACH_STEPS = 4  # poses between the contact and the pre-contact pose
+COARSE_POSES = 24  # places of the object's path at which the hand alone is looked at
+CHUNK = 8  # candidates solved together
+MAX_SOLVED = 64  # candidates solved at most
+OPENING_RESOLUTION = 1e-4  # m: contacts whose fingers open alike to this are checked together
+
+
+@dataclass(frozen=True)
+class Feasible:
+    """A candidate that works: its index, and the postures (reach + 1, n) in contact at the object poses 0 .. reach."""
+
+    index: int
+    keyframes: np.ndarray
 
 
 def ik_problem(manipulation: Manipulation, collisions, phase: Phase) -> KomoProblem:
@@ -30,62 +47,128 @@ def ik_problem(manipulation: Manipulation, collisions, phase: Phase) -> KomoProb
     return problem
 
 
-def reachable(
-    manipulation: Manipulation, contacts: Sequence[ContactPoint], T_world_obj: np.ndarray, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Which contacts can be taken with the object at T_world_obj (7,).
+def feasible_contacts(
+    manipulation: Manipulation,
+    contacts: Sequence[ContactPoint],
+    object_poses: np.ndarray,
+    rng: np.random.Generator,
+    least: int,
+    enough: int,
+) -> list[Feasible]:
+    """The contacts that can be taken at object_poses[0] and carry the object to at least pose ``least`` of (M, 7).
 
-    Returns:
-        (ok (K,), q (K, n) in contact, q_pre (K, n) at the pre-contact pose).
+    Stops when ``enough`` were found and none that is left could serve farther than the best of them.
     """
-    n = manipulation.model.n
-    robot = manipulation.scene.robots[manipulation.robot]
-    ok = np.zeros(len(contacts), bool)
-    q, q_pre = np.zeros((len(contacts), n)), np.zeros((len(contacts), n))
-    groups: dict[tuple, list[int]] = defaultdict(list)
+    bound = reach_bounds(manipulation, contacts, object_poses)
+    order = [k for k in np.lexsort((np.arange(len(contacts)), -bound)) if bound[k] >= least][:MAX_SOLVED]
+    found: list[Feasible] = []
+    for first in range(0, len(order), CHUNK):
+        chunk = order[first : first + CHUNK]
+        best = max((len(f.keyframes) - 1 for f in found), default=-1)
+        if len(found) >= enough and bound[chunk[0]] <= best:
+            break
+        ok, q = reachable(manipulation, [contacts[k] for k in chunk], object_poses[0], rng)
+        for k, posture in zip(np.array(chunk)[ok], q[ok], strict=True):
+            keyframes = carried(manipulation, contacts[k], posture, object_poses[: bound[k] + 1])
+            if len(keyframes) > least:
+                found.append(Feasible(int(k), keyframes))
+    return found
+
+
+def reach_bounds(manipulation: Manipulation, contacts: Sequence[ContactPoint], object_poses: np.ndarray) -> np.ndarray:
+    """Farthest pose (K,) to which hand and object alone could go and the hand then leave; -1: it cannot even come.
+
+    The path is looked at in at most COARSE_POSES places, so this is a bound and not the reach itself.
+    """
+    M = len(object_poses)
+    places = np.unique(np.round(np.linspace(0, M - 1, min(M, COARSE_POSES))).astype(int))
+    R_obj = Rotation.from_quat(object_poses[places, 3:]).as_matrix()
+    p_obj = np.ascontiguousarray(object_poses[places, :3])
+    T_ee_tip = inverse(manipulation.T_tip_ee)
+    bound = np.full(len(contacts), -1)
+    for members in alike(contacts):
+        first = contacts[members[0]]
+        at_start = manipulation.collisions(first, object_poses[0]).arrays()
+        on_path = manipulation.surroundings(first).arrays()
+        frames = np.array([contacts[k].T_obj_ee for k in members])
+        back = np.array([retreated(contacts[k])[:3] for k in members])
+        place = hand_reach(
+            R_obj, p_obj, Rotation.from_quat(frames[:, 3:]).as_matrix(), np.ascontiguousarray(frames[:, :3]), back,
+            rotation_matrix(T_ee_tip), T_ee_tip[:3], manipulation.tip, bit(Phase.APPROACH), bit(Phase.TRANSIT),
+            bit(Phase.HOLD), at_start, on_path,
+        )  # fmt: skip
+        # the first place that was blocked is not reached, but all before it may be
+        limit = np.append(places[1:] - 1, M - 1)
+        bound[members] = np.where(place >= 0, limit[place], -1)
+    return bound
+
+
+def alike(contacts: Sequence[ContactPoint]) -> list[list[int]]:
+    """Indices of contacts whose fingers are open alike, group by group: they share a collision model."""
+    groups: dict[tuple[ContactKind, int], list[int]] = defaultdict(list)
     for k, contact in enumerate(contacts):
         groups[contact.kind, round(contact.opening / OPENING_RESOLUTION)].append(k)
+    return list(groups.values())
+
+
+def reachable(
+    manipulation: Manipulation, contacts: Sequence[ContactPoint], T_world_obj: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Which contacts can be come to with the object at T_world_obj (7,): (ok (K,), postures in contact (K, n))."""
+    n = manipulation.model.n
+    ok, q = np.zeros(len(contacts), bool), np.zeros((len(contacts), n))
     chain = manipulation.model.chain
-    starts = [robot.model.home, *rng.uniform(chain.lower, chain.upper, (RESTARTS, n))]
-    for members in groups.values():
+    home = manipulation.scene.robots[manipulation.robot].model.home
+    starts = [home, *rng.uniform(chain.lower, chain.upper, (RESTARTS, n))]
+    for members in alike(contacts):
         index = np.array(members)
-        widest = max((contacts[k] for k in members), key=lambda c: free_opening(robot, c))
-        problem = ik_problem(manipulation, manipulation.collisions(widest, T_world_obj), Phase.APPROACH)
-        goal = np.array([manipulation.target(multiply(T_world_obj, contacts[k].T_obj_ee)) for k in members])
-        before = np.array([manipulation.target(multiply(T_world_obj, retreated(contacts[k]))) for k in members])
+        collisions = manipulation.collisions(contacts[members[0]], T_world_obj)
+        problem = ik_problem(manipulation, collisions, Phase.APPROACH)
+        goal = np.array([multiply(T_world_obj, contacts[k].T_obj_ee) for k in members])
+        goal = pose_params_all(manipulation.T_tip_ee, goal)
         todo = np.arange(len(members))
         for start in starts:
             initial = np.tile(start, (len(todo), 1))
             found, feasible = solve_ik_batch(problem, goal[todo], initial, initial)
-            chosen = todo[feasible]
-            back, clear = solve_ik_batch(problem, before[chosen], found[feasible], found[feasible])
-            clear &= np.abs(back - found[feasible]).max(1, initial=0.0) < 2 * MAX_JUMP
-            done = chosen[clear]
-            ok[index[done]], q[index[done]], q_pre[index[done]] = True, found[feasible][clear], back[clear]
-            todo = np.setdiff1d(todo, done)
+            for k, posture in zip(todo[feasible], found[feasible], strict=True):
+                if len(draw_back(manipulation, problem, contacts[members[k]], T_world_obj, posture)):
+                    ok[index[k]], q[index[k]] = True, posture
+            todo = np.array([k for k in todo if not ok[index[k]]], int)
             if not len(todo):
                 break
-    return ok, q, q_pre
+    return ok, q
 
 
-def carried(
-    manipulation: Manipulation, contact: ContactPoint, q: np.ndarray, object_poses: np.ndarray
-) -> np.ndarray:
-    """Postures (m, n) of the robot that carries the object along object_poses (M, 7), as far as it can and can then leave.
+def carried(manipulation: Manipulation, contact: ContactPoint, q: np.ndarray, object_poses: np.ndarray) -> np.ndarray:
+    """Postures (m, n) of the robot that carries the object along object_poses (M, 7) as far as it can, and then leave.
 
     Args:
         q: (n,) posture in contact at the first pose.
     """
-    holding = ik_problem(
-        manipulation, manipulation.collisions(contact, object_poses[0], object_poses[-1]), Phase.HOLD
-    )
-    targets = np.array([manipulation.target(multiply(T, contact.T_obj_ee)) for T in object_poses])
+    collisions = manipulation.collisions(contact, object_poses[0], object_poses[-1])
+    holding = ik_problem(manipulation, collisions, Phase.HOLD)
+    targets = pose_params_all(manipulation.T_tip_ee, multiply_all(object_poses, contact.T_obj_ee))
     path = follow_ik(holding, targets, q, MAX_JUMP)
-    for reach in range(len(path) - 1, 0, -RETREAT_STEP):
+    reach, step = len(path) - 1, 1
+    while reach > 0:
         T_end = object_poses[reach]
         leaving = ik_problem(manipulation, manipulation.collisions(contact, object_poses[0], T_end), Phase.RETREAT)
-        target = manipulation.target(multiply(T_end, retreated(contact)))
-        _, clear = solve_ik_batch(leaving, target[None], path[reach][None], path[reach][None])
-        if clear[0]:
+        if len(draw_back(manipulation, leaving, contact, T_end, path[reach])):
             return path[: reach + 1]
+        reach, step = reach - step, step * 2
     return path[:0]
+
+
+def draw_back(
+    manipulation: Manipulation, problem: KomoProblem, contact: ContactPoint, T_world_obj: np.ndarray, q: np.ndarray
+) -> np.ndarray:
+    """Postures (APPROACH_STEPS, n) straight back from the contact, the pre-contact posture last; none where it cannot.
+
+    Args:
+        problem: an :func:`ik_problem` of the phase in which the hand comes or goes.
+        q: (n,) posture in contact.
+    """
+    fractions = np.arange(1, APPROACH_STEPS + 1) / APPROACH_STEPS
+    poses = np.array([multiply(T_world_obj, retreated(contact, f)) for f in fractions])
+    path = follow_ik(problem, pose_params_all(manipulation.T_tip_ee, poses), q, MAX_JUMP)
+    return path if len(path) == APPROACH_STEPS else path[:0]

@@ -1,4 +1,4 @@
-"""An arm as the compiled code wants it: joints that all turn about (or slide along) their local z axis, and link hulls."""
+"""An arm as compiled code wants it: joints that turn about (or slide along) their local z axis, and link hulls."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -6,6 +6,7 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from hmap_core.collision.convex import bounding_sphere
 from hmap_core.exceptions import Code, InputError
 from hmap_core.kinematics.simplify import simplify_hull
 from hmap_core.kinematics.tree import forward
@@ -30,6 +31,11 @@ class LinkHull:
     radius: float
     slide: np.ndarray
     finger: bool
+    sphere: tuple[np.ndarray, float]  # center (3,) and radius of a bounding sphere with the gripper closed
+
+    def sphere_at(self, opening: float) -> tuple[np.ndarray, float]:
+        """Bounding sphere with the gripper open by ``opening`` metres."""
+        return self.sphere[0] + self.slide * opening, self.sphere[1]
 
     def at(self, opening: float) -> np.ndarray:
         """Vertices (n, 3) with the gripper open by ``opening`` metres."""
@@ -116,10 +122,13 @@ def _link_frames(urdf: Urdf, model: RobotModel):
     for name in model.joint_names:
         if name not in {j.name for j in urdf.joints.values()}:
             known = ", ".join(j.name for j in urdf.joints.values() if j.kind in MOVING)
-            raise InputError(f"robot '{model.name}': joint '{name}' is not in the URDF; it has {known}", Code.INVALID_SCENE)
+            raise InputError(
+                f"robot '{model.name}': joint '{name}' is not in the URDF; it has {known}", Code.INVALID_SCENE
+            )
     if model.end_effector_link not in urdf.hulls:
         raise InputError(
-            f"robot '{model.name}': end_effector_link '{model.end_effector_link}' is not in the URDF", Code.INVALID_SCENE
+            f"robot '{model.name}': end_effector_link '{model.end_effector_link}' is not in the URDF",
+            Code.INVALID_SCENE,
         )
     fixed: dict[str, np.ndarray] = {}
     gripper = model.gripper
@@ -175,7 +184,9 @@ def build_arm(model: RobotModel) -> Arm:
             tolerance = FINGER_TOLERANCE if finger else LINK_TOLERANCE
             vertices, extra = simplify_hull(points, tolerance) if len(points) > 2 else (points, 0.0)
             vertices = np.ascontiguousarray(vertices @ T[:3, :3].T + T[:3, 3])
-            hulls.append(LinkHull(link, frame, vertices, radius + extra, slide, finger))
+            center, bound = bounding_sphere(vertices)
+            sphere = (center, bound + radius + extra)
+            hulls.append(LinkHull(link, frame, vertices, radius + extra, slide, finger, sphere))
     frame, T_tip_link, _, _ = placed[model.end_effector_link]
     if frame != len(fixed):
         raise InputError(

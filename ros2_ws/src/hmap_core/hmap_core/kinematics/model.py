@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmap_core.kinematics.arm import Arm
-from hmap_core.komo.arrays import Chain
+from hmap_core.kinematics.chain import Chain
 from hmap_core.transforms import from_matrix, to_matrix
 
 
@@ -19,7 +19,7 @@ class PlacedArm:
 
 
 class KinematicModel:
-    """Arms side by side. Frame 0 is the world; the joints of all arms are numbered through, frame i + 1 follows joint i."""
+    """Arms side by side: frame 0 is the world, joints of all arms are numbered through, frame i + 1 follows joint i."""
 
     def __init__(self, arms: list[PlacedArm]):
         self.arms = {placed.name: placed for placed in arms}

@@ -37,4 +37,6 @@ def _outside_distance(points: np.ndarray, inner: np.ndarray) -> float:
     """Largest distance in metres of points (n, 3) from the hull of inner (m, 3)."""
     witness, eye, origin = np.zeros((3, 3)), np.eye(3), np.zeros(3)
     inner = np.ascontiguousarray(inner)
-    return max(max(0.0, signed_distance(p[None].copy(), eye, origin, 0.0, inner, eye, origin, 0.0, witness)) for p in points)
+    return max(
+        max(0.0, signed_distance(p[None].copy(), eye, origin, 0.0, inner, eye, origin, 0.0, witness)) for p in points
+    )

@@ -53,6 +53,4 @@ def point_jacobian(R, p, first, prismatic, frame, x0, x1, x2, d0, d1, d2, sign, 
             row[k] += sign * (d0 * z0 + d1 * z1 + d2 * z2)
         else:
             r0, r1, r2 = x0 - p[f, 0], x1 - p[f, 1], x2 - p[f, 2]
-            row[k] += sign * (
-                d0 * (z1 * r2 - z2 * r1) + d1 * (z2 * r0 - z0 * r2) + d2 * (z0 * r1 - z1 * r0)
-            )
+            row[k] += sign * (d0 * (z1 * r2 - z2 * r1) + d1 * (z2 * r0 - z0 * r2) + d2 * (z0 * r1 - z1 * r0))

@@ -2,10 +2,6 @@
 
 from collections import namedtuple
 
-# Chain: the moving joints. parent (n,), R_joint (n,3,3), p_joint (n,3), prismatic (n,), first (n+1,): first joint of the
-# chain each frame belongs to, lower/upper (n,), reach (n,): no point moved by joint i is farther than this from its axis
-# (1 for sliding joints), so that reach . |dq| bounds the motion of every point.
-Chain = namedtuple("Chain", "parent R_joint p_joint prismatic first lower upper reach")
 # Terms: objectives unrolled, one row per step. kernel (M,), type (M,), step (M,), dim (M,), scale (M,), frames (M,4),
 # offset (M,) into params (N,); by_step (T+1,): rows of step t are by_step[t]:by_step[t+1].
 Terms = namedtuple("Terms", "kernel type step dim scale frames offset params by_step")

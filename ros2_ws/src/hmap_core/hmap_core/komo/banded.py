@@ -9,7 +9,7 @@ from hmap_core.collision.gjk import OPTIONS
 
 @nb.njit(**OPTIONS)
 def cholesky_solve(A, b, bandwidth):
-    """Factors A (N, bandwidth + 1) in place and overwrites b (N,) with the solution; False when not positive definite."""
+    """Factors A (N, bandwidth + 1) in place and solves for b (N,) in place; False when not positive definite."""
     N = b.shape[0]
     for i in range(N):
         low = max(0, i - bandwidth)

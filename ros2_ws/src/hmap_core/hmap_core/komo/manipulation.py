@@ -1,4 +1,4 @@
-"""One robot and one object through the phases of an H-MaP segment: what may touch what, and which poses are asked for."""
+"""One robot and one object through the phases of an H-MaP segment: what may touch what."""
 
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -41,6 +41,9 @@ def bit(*phases: Phase) -> int:
 
 
 FREE = bit(Phase.TRANSIT, Phase.APPROACH, Phase.RETREAT)
+# What a carried object must not hit counts only where paths are verified: the path of the object itself was planned
+# free, and a hold follows it pose by pose.
+CARRIED = 1 << len(Phase)
 
 
 def retreat_distance(contact: ContactPoint) -> float:
@@ -88,6 +91,7 @@ class Manipulation:
     object: str
     arm: Arm = field(init=False)
     model: KinematicModel = field(init=False)
+    _without_object: dict = field(init=False, default_factory=dict, repr=False)
 
     def __post_init__(self):
         placed = self.scene.robots[self.robot]
@@ -100,21 +104,33 @@ class Manipulation:
         """Parameters of the relative_pose feature that bring the end-effector to a world pose (7,)."""
         return pose_params(self.T_tip_ee, T_world_ee)
 
-    def collisions(
-        self, contact: ContactPoint, T_start: np.ndarray, T_end: np.ndarray | None = None
-    ) -> CollisionModel:
+    def collisions(self, contact: ContactPoint, T_start: np.ndarray, T_end: np.ndarray | None = None) -> CollisionModel:
         """What keeps apart from what in each phase, for an object that goes from T_start to T_end (7,)."""
-        placed = self.scene.robots[self.robot]
-        scene = CollisionModel()
-        links = self._add_arm(scene, free_opening(placed, contact), contact.opening)
-        static = self._add_static(scene)
-        moving = [s for s in links["free"] + links["hold"] + links["link"] if scene.frames[s] > 0]
-        scene.keep_apart(moving, [s for shapes in static.values() for s in shapes], ROBOT_CLEARANCE)
-        scene.pairs = [
-            (a, b, margin, phases & self._phases(links, a)) for a, b, margin, phases in scene.pairs
-        ]
+        scene, links, static = self._base(contact)
+        scene = scene.copy()
         self._add_object(scene, links, static, contact, T_start, T_end)
         return scene
+
+    def surroundings(self, contact: ContactPoint) -> CollisionModel:
+        """The same without the object."""
+        return self._base(contact)[0]
+
+    def _base(self, contact: ContactPoint):
+        openings = free_opening(self.scene.robots[self.robot], contact), contact.opening
+        if openings not in self._without_object:
+            self._without_object[openings] = self._arm_and_surroundings(*openings)
+        return self._without_object[openings]
+
+    def _arm_and_surroundings(self, opening: float, contact_opening: float):
+        """The part of the collision model that does not depend on the object: (model, links, static shapes by name)."""
+        scene = CollisionModel()
+        links = self._add_arm(scene, opening, contact_opening)
+        static = self._add_static(scene)
+        around = [s for shapes in static.values() for s in shapes]
+        for group in links:
+            moving = [s for s in links[group] if scene.frames[s] > 0]
+            scene.keep_apart(moving, around, ROBOT_CLEARANCE, self._phases(links, (links[group] or [-1])[0]))
+        return scene, links, static
 
     def standing_collisions(self, T_obj: np.ndarray) -> CollisionModel:
         """What keeps apart while the robot moves in the air with its gripper as it is, the object standing at T_obj."""
@@ -133,7 +149,7 @@ class Manipulation:
         return FREE if shape in links["free"] else (bit(Phase.HOLD) if shape in links["hold"] else ALL_PHASES)
 
     def _add_arm(self, scene: CollisionModel, opening: float, contact_opening: float) -> dict[str, list[int]]:
-        """Adds the moving arm with its self-collision pairs; the fingers once as open as they come, once as they hold."""
+        """Adds the moving arm with its self-collision pairs; fingers once as open as they come, once as they hold."""
         T_base = self.model.arms[self.robot].T_world_base
         groups: dict[str, list[int]] = {"link": [], "free": [], "hold": []}
         numbers: list[list[int]] = []  # of each hull; two for a finger
@@ -141,12 +157,11 @@ class Manipulation:
             own = []
             variants = (("free", opening), ("hold", contact_opening)) if hull.finger else (("link", 0.0),)
             for group, width in variants:
-                vertices = hull.at(width)
+                vertices, (center, bound) = hull.at(width), hull.sphere_at(width)
                 if hull.frame == 0:
-                    vertices = apply(T_base, vertices)
-                own.append(
-                    scene.add(f"{self.robot}/{hull.link}", vertices, hull.radius, self.model.frame(self.robot, hull.frame))
-                )
+                    vertices, center = apply(T_base, vertices), apply(T_base, center)
+                frame = self.model.frame(self.robot, hull.frame)
+                own.append(scene.add(f"{self.robot}/{hull.link}", vertices, hull.radius, frame, (center, bound)))
                 groups[group].append(own[-1])
             numbers.append(own)
         for i, j in self.arm.self_pairs:
@@ -167,8 +182,10 @@ class Manipulation:
         for name, robot in self.scene.robots.items():
             if name != self.robot:
                 static[f"robot {name}"] = [
-                    scene.add(f"{name}/{link}", vertices, radius, 0)
-                    for link, vertices, radius in posed_links(robot, self.state.q[name], self.state.gripper[name])
+                    scene.add(f"{name}/{link}", vertices, radius, 0, sphere)
+                    for link, vertices, radius, sphere in posed_links(
+                        robot, self.state.q[name], self.state.gripper[name]
+                    )
                 ]
         return static
 
@@ -200,14 +217,17 @@ class Manipulation:
             if name in self.scene.bodies:
                 other, T_other = body_set(self.scene.bodies[name]), self.state.poses[name]
                 margin = min(margin, *(set_distance(own, T, other, T_other, HELD_CLEARANCE) for T in ends))
-            scene.keep_apart(held, shapes, margin - TOUCH_ALLOWANCE, bit(Phase.HOLD))
+            scene.keep_apart(held, shapes, margin - TOUCH_ALLOWANCE, CARRIED)
 
 
-def posed_links(robot: Robot, q: np.ndarray, opening: float) -> list[tuple[str, np.ndarray, float]]:
-    """Links of a robot standing at q (n,) as (name, world vertices (m, 3), radius)."""
+def posed_links(robot: Robot, q: np.ndarray, opening: float):
+    """Links of a robot standing at q (n,) as (name, world vertices (m, 3), radius, bounding sphere)."""
     arm = load_arm(robot.model)
     R, p = arm.frames(q)
-    return [
-        (hull.link, apply(robot.base_pose, hull.at(opening) @ R[hull.frame].T + p[hull.frame]), hull.radius)
-        for hull in arm.hulls
-    ]
+    posed = []
+    for hull in arm.hulls:
+        center, bound = hull.sphere_at(opening)
+        vertices = apply(robot.base_pose, hull.at(opening) @ R[hull.frame].T + p[hull.frame])
+        center = apply(robot.base_pose, R[hull.frame] @ center + p[hull.frame])
+        posed.append((hull.link, vertices, hull.radius, (center, bound)))
+    return posed

@@ -1,9 +1,9 @@
 """Augmented-Lagrangian Gauss-Newton on the banded structure of a path problem (KOMO [1, 2]), compiled.
 
-The path x (T, n) minimises weighted squared velocities and accelerations plus the sos objectives, subject to eq and ineq
-objectives at their steps, joint limits at every step, and the collision pairs at every step *and* between the steps
-(``substeps`` samples per interval, on the straight line between two configurations). Every constraint component has its own
-multiplier; convergence asks the worst component, in metres and radians, never a sum.
+The path x (T, n) minimises weighted squared velocities and accelerations plus the sos objectives, subject to eq and
+ineq objectives at their steps, joint limits at every step, and the collision pairs at every step *and* between the
+steps (``substeps`` samples per interval, on the straight line between two configurations). Every constraint component
+has its own multiplier; convergence asks the worst component, in metres and radians, never a sum.
 
 [1] Toussaint, A tutorial on Newton methods for constrained trajectory optimization, 2017.
 [2] Nocedal and Wright, Numerical Optimization, 2006, ch. 17.4.
@@ -13,13 +13,14 @@ import numba as nb
 import numpy as np
 
 from hmap_core.collision.gjk import OPTIONS
-from hmap_core.collision.pairs import BEYOND, pair_distance, place_centers, worst_pair
+from hmap_core.collision.pairs import BEYOND, pair_distance, place_centers
 from hmap_core.kinematics.tree import forward, point_jacobian
 from hmap_core.komo.arrays import Scratch, Terms
 from hmap_core.komo.banded import cholesky_solve
 from hmap_core.komo.features.base import MAX_DIM, call_kernel
 
 SOS, EQ, INEQ = 0, 1, 2
+LOOK_AHEAD = 0.05  # m beyond its margin to which a pair's distance is found, so that it can be left alone for a while
 
 
 @nb.njit(**OPTIONS)
@@ -35,7 +36,7 @@ def _scratch(T, n, cols, substeps):
 
 @nb.njit(**OPTIONS)
 def _smoothness(X, prefix, w_acc, w_vel, H, G):
-    """Adds the squared accelerations and velocities of the path after ``prefix`` (2, n), its two configurations before."""
+    """Adds squared accelerations and velocities of the path after ``prefix`` (2, n), the two configurations before."""
     T, n = X.shape
     cost = 0.0
     for t in range(T):
@@ -62,7 +63,7 @@ def _smoothness(X, prefix, w_acc, w_vel, H, G):
 
 @nb.njit(**OPTIONS)
 def _place(sample, chain, cols, s):
-    """Frames and bounding spheres at the configuration in s.qs, and how far anything may have moved since the last time."""
+    """Frames and bounding spheres at the configuration in s.qs, and how far anything may have moved since last time."""
     forward(s.qs, chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, s.R, s.p)
     place_centers(cols, s.R, s.p, s.centers)
     moved = 0.0
@@ -415,11 +416,21 @@ def path_violations(path, masks, chain, cols, floor):
     """
     M, n = path.shape
     s = _scratch(1, n, cols, 1)
-    violation = np.empty(M)
-    pair = np.empty(M, np.int64)
+    violation = np.full(M, floor)
+    pair = np.full(M, -1, np.int64)
     for m in range(M):
-        forward(path[m], chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, s.R, s.p)
-        violation[m], pair[m] = worst_pair(cols, s.R, s.p, masks[m], floor, s.axes[0], s.centers, s.witness, s.work)
+        for i in range(n):
+            s.qs[i] = path[m, i]
+        _place(0, chain, cols, s)
+        for k in range(cols.a.shape[0]):
+            if cols.phases[k] & masks[m] == 0 or s.travel[0] < s.until[0, k]:
+                continue
+            cutoff = cols.margin[k] - violation[m]
+            d = pair_distance(cols, k, s.R, s.p, s.centers, cutoff + LOOK_AHEAD, s.axes[0, k], s.witness, s.work)
+            s.until[0, k] = s.travel[0] + 0.5 * (d - cols.margin[k] + floor)
+            if cols.margin[k] - d > violation[m]:
+                violation[m] = cols.margin[k] - d
+                pair[m] = k
     return violation, pair
 
 

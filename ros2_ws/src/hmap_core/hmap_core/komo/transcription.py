@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hmap_core.collision.scene_model import CollisionModel, Collisions
-from hmap_core.komo.arrays import Chain, Options, Terms
+from hmap_core.kinematics.chain import Chain
+from hmap_core.komo.arrays import Options, Terms
 from hmap_core.komo.features.base import MAX_FRAMES
 from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.solver import follow, path_violations, solve, solve_batch
@@ -41,7 +42,7 @@ class SolverOptions:
     acceleration: float = 1.0
     velocity: float = 0.0
     substeps: int = 2
-    activity: float = 0.02
+    activity: float = 0.01
 
     def pack(self) -> Options:
         return Options(*(float(getattr(self, name)) for name in Options._fields))
@@ -49,6 +50,10 @@ class SolverOptions:
 
 # m: what a margin is lowered by beyond what the start needs
 RELAXATION = 1e-4
+
+# Between the steps a pair may come nearer than its margin by this share of it, and at least by this much, m.
+VERIFY_SHARE = 2.0 / 3.0
+VERIFY_SLACK = 0.0005
 
 # One configuration instead of a path: stays near its prefix, converges to the numerical floor.
 IK_OPTIONS = SolverOptions(
@@ -159,9 +164,7 @@ class KomoProblem:
         prefix = np.ascontiguousarray([start, start], float)
         phase = self.phase_of_step()
         cols = relaxed(self.chain, self.arrays(), start, 1)
-        cost, eq, ineq, iterations = solve(
-            X, prefix, phase, self.chain, self.terms(), cols, self.options.pack()
-        )
+        cost, eq, ineq, iterations = solve(X, prefix, phase, self.chain, self.terms(), cols, self.options.pack())
         feasible = bool(max(eq, ineq) <= self.options.tolerance and np.isfinite(X).all())
         worst = "" if feasible else self._worst(X, start, phase, cols, eq, ineq)
         return KomoResult(X, feasible, cost, eq, ineq, iterations, worst)
@@ -186,6 +189,11 @@ def clearance(chain: Chain, cols: Collisions, path: np.ndarray, phase: np.ndarra
         exceeds ``floor``.
     """
     return path_violations(np.ascontiguousarray(path, float), 1 << np.asarray(phase, np.int64), chain, cols, floor)
+
+
+def verification(cols: Collisions) -> Collisions:
+    """The same pairs with what an executed path may use up of their margins."""
+    return cols._replace(margin=cols.margin - np.maximum(VERIFY_SLACK, VERIFY_SHARE * cols.margin))
 
 
 def without_pairs(cols: Collisions) -> Collisions:

@@ -6,12 +6,11 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from hmap_core.contacts.camera import Cloud
-from hmap_core.exceptions import Code, ContactError, HmapError, InputError, MotionError, PlannerError, WaypointError
+from hmap_core.exceptions import Code, ContactError, InputError, MotionError, PlannerError
 from hmap_core.plan_file import to_dict
 from hmap_core.planner.assembly import assemble, state_after
 from hmap_core.planner.interfaces import Backend, Progress, ProgressCallback, RobotContact, SegmentMotion
 from hmap_core.planner.local import LocalBackend
-from hmap_core.transforms import distance
 from hmap_core.types import BodyKind, Goal, Plan, Scene, SceneState, SegmentKind
 from hmap_core.validation import check
 
@@ -73,7 +72,8 @@ class Planner:
             if found is not None:
                 return self._finished(*found)
         raise PlannerError(
-            f"no plan after {WAYPOINT_ROUNDS} object paths of '{goal.object}'; last: {self.last_failure}", Code.NO_MOTION
+            f"no plan after {WAYPOINT_ROUNDS} object paths of '{goal.object}'; last: {self.last_failure}",
+            Code.NO_MOTION,
         )
 
     def _segments(self, goal: Goal, poses: np.ndarray) -> tuple[list[SegmentMotion], np.ndarray] | None:
@@ -93,7 +93,7 @@ class Planner:
         return motions, np.array(waypoints).reshape(-1, 7)
 
     def _step(self, object: str, state: SceneState, ahead: np.ndarray, at: int, total: int):
-        """The inner loop: contacts at one waypoint until one of them gives a motion. Returns (motion, reach) or None."""
+        """The inner loop: contacts at one waypoint until one gives a motion. Returns (motion, reach) or None."""
         tries = 0
         while tries < J_MAX:
             self._report("contacts", at, total, tries + 1, f"contacts on '{object}'")

@@ -2,33 +2,32 @@
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from hmap_core.contacts.camera import Cloud, visible_points
 from hmap_core.contacts.candidates import Hand, Situation
-from hmap_core.contacts.feasibility import carried, reachable
+from hmap_core.contacts.feasibility import feasible_contacts
 from hmap_core.contacts.proposer import NoProposer, Proposer
 from hmap_core.contacts.sampler import sample_contacts
 from hmap_core.exceptions import Code, ContactError
-from hmap_core.komo.manipulation import Manipulation
 from hmap_core.kinematics.arm import load_arm
+from hmap_core.komo.manipulation import Manipulation
 from hmap_core.planner import motion
 from hmap_core.planner.interfaces import RobotContact, SegmentMotion
 from hmap_core.types import Body, ContactPoint, Goal, Robot, Scene, SceneState
 from hmap_core.waypoints import ObjectPath, ObjectPathProblem, plan_waypoints
 
 SURFACE_POINTS = 600  # samples of the object's surface when looking at it
-BATCH = 96  # candidates checked at once
+BATCH = 240  # candidates checked at once
 MAX_CANDIDATES = 480  # per robot, before it is out of contacts
-CARRIES = 12  # reachable candidates per robot that are led along the path
+ENOUGH = 4  # feasible contacts per robot after which only better ones are looked for
 MIN_REACH = 2  # poses a contact has to serve, unless the path is shorter
 
 
 def placed_bodies(scene: Scene, state: SceneState, without: str) -> tuple[Body, ...]:
     """All bodies but one, where they are now."""
-    from dataclasses import replace
-
     return tuple(replace(b, pose=state.poses[name]) for name, b in scene.bodies.items() if name != without)
 
 
@@ -72,7 +71,9 @@ class LocalBackend:
         looked_at = 0
         for name in robots or scene.robots:
             for proposals in (informed, None):
-                batches = [informed] if proposals else self._sampled(scene, state, object, object_poses, name, cloud, rng)
+                batches = (
+                    [informed] if proposals else self._sampled(scene, state, object, object_poses, name, cloud, rng)
+                )
                 for batch in batches:
                     looked_at += len(batch)
                     found += self.check_contacts(scene, state, object, object_poses, name, batch, rng)
@@ -111,15 +112,11 @@ class LocalBackend:
         for name in away:
             cleared.q[name] = scene.robots[name].model.home.copy()
         manipulation = Manipulation(scene, cleared, robot, object)
-        ok, q, _ = reachable(manipulation, contacts, object_poses[0], rng)
         least = min(MIN_REACH, len(object_poses) - 1)
-        found = []
-        for k in np.flatnonzero(ok)[:CARRIES]:
-            keyframes = carried(manipulation, contacts[k], q[k], object_poses)
-            if len(keyframes) > least:
-                found.append(RobotContact(robot, contacts[k], len(keyframes) - 1, keyframes, away))
-            if len(keyframes) == len(object_poses):
-                break
+        found = [
+            RobotContact(robot, contacts[f.index], len(f.keyframes) - 1, f.keyframes, away)
+            for f in feasible_contacts(manipulation, contacts, object_poses, rng, least, ENOUGH)
+        ]
         return sorted(found, key=lambda c: (-c.reach, -c.contact.score))
 
     def solve_segment(

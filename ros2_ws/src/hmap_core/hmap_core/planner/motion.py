@@ -1,9 +1,9 @@
-"""The motion of one segment: come, touch, carry, let go and draw back, by KOMO; then verified between its steps and timed.
+"""The motion of one segment: come, touch, carry, let go, draw back. By KOMO, then verified between steps and timed.
 
-The skeleton of a segment (eq. 2 of the paper): ``pose_eq`` with the pre-contact pose at the end of the transit; a straight
-approach; ``touch`` at the mode switch; ``stable`` while holding, with the object's waypoints as ``pose_eq``; a straight
-retreat. The object's path was found collision-free between its poses, and the hold follows it pose by pose, so what was
-verified for the object stays true for the object in the hand.
+The skeleton of a segment (eq. 2 of the paper): ``pose_eq`` with the pre-contact pose at the end of the transit; a
+straight approach; ``touch`` at the mode switch; ``stable`` while holding, with the object's waypoints as ``pose_eq``;
+a straight retreat. The object's path was found collision-free between its poses, and the hold follows it pose by pose,
+so what was verified for the object stays true for the object in the hand.
 """
 
 import time
@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmap_core.collision.scene_model import CollisionModel, Collisions
+from hmap_core.contacts.feasibility import APPROACH_STEPS, draw_back, ik_problem
 from hmap_core.exceptions import Code, MotionError
 from hmap_core.execution.timing import spline, time_parameterise
 from hmap_core.komo.features import joint_position, relative_pose
-from hmap_core.komo.manipulation import Manipulation, Phase, bit, free_opening, retreated
+from hmap_core.komo.manipulation import CARRIED, Manipulation, Phase, bit, free_opening, retreated
 from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.solver import path_violations
-from hmap_core.komo.transcription import KomoProblem, SolverOptions, relaxed, solve_ik_batch
-from hmap_core.contacts.feasibility import ik_problem
+from hmap_core.komo.transcription import KomoProblem, SolverOptions, relaxed, verification
 from hmap_core.planner.interfaces import RobotContact, SegmentMotion
 from hmap_core.planner.transit import find_transit, resampled
 from hmap_core.transforms import IDENTITY, distance, inverse, multiply
@@ -28,13 +28,12 @@ from hmap_core.types import Scene, SceneState, Segment, SegmentKind, Trajectory
 SAMPLE_PERIOD = 0.02  # s between two samples of a plan
 JOINT_STEP = 0.2  # rad between two steps of a transit, about
 TRANSIT_STEPS = (8, 24)  # least and most
-APPROACH_STEPS = 4
 HOME_STEPS = 100  # points of a searched way home
-HOLD_STEP = (0.02, 0.1)  # m, rad between two steps of a hold, about
+HOLD_STEP = (0.04, 0.15)  # m, rad between two steps of a hold, about
 VERIFY_STEP = 0.001  # m any point may move between two verified configurations
-VERIFY_SLACK = 0.0005  # m a verified configuration may be nearer than its margin
 SMOOTHNESS = 1.0 / 160.0  # weight of the squared accelerations, times the number of steps cubed
-RRT_SHARE = 0.5  # of the time left that may go into one joint-space search
+STIFFNESS = 30.0  # first penalty of the constraints, as a multiple of that weight: first guesses are nearly feasible
+SEARCH_TIME = 2.0  # s that may go into one joint-space search, at most
 # share of the joint limits that is used: quick in the air, slow with an object, so that friction holds and a controller
 # follows within the clearance
 FREE_SPEED, FREE_ACCELERATION = 0.6, 0.3
@@ -91,7 +90,7 @@ def _go_home(scene: Scene, state: SceneState, robot: str, object: str, rng, dead
     result = problem.solve(start, initial)
     cols = relaxed(manipulation.model.chain, problem.arrays(), start, 1)
     path = np.concatenate([start[None], result.path]) if result.feasible else None
-    if path is None or _violation(manipulation, cols, path, lambda s: 1) > VERIFY_SLACK:
+    if path is None or _violation(manipulation, verification(cols), path, 1)[1] >= 0:
         corners = find_transit(manipulation.model.chain, cols, 1, start, home, rng, deadline)
         if corners is None:
             raise MotionError(f"robot '{robot}' finds no way home to make room: {result.worst}")
@@ -103,7 +102,8 @@ def _go_home(scene: Scene, state: SceneState, robot: str, object: str, rng, dead
 
 
 def _options(steps: int) -> SolverOptions:
-    return SolverOptions(acceleration=SMOOTHNESS * steps**3)
+    weight = SMOOTHNESS * steps**3
+    return SolverOptions(acceleration=weight, mu=max(SolverOptions.mu, STIFFNESS * weight), mu_max=1e8)
 
 
 def _transit_steps(a: np.ndarray, b: np.ndarray) -> int:
@@ -116,18 +116,24 @@ def _timed(scene: Scene, robot: str, path: np.ndarray, speed: float, acceleratio
     return time_parameterise(path, *limits, SAMPLE_PERIOD).q
 
 
-def _violation(manipulation: Manipulation, cols: Collisions, path: np.ndarray, phases) -> float:
-    """Worst margin violation (m) along the spline through a path (M, n); ``phases`` maps chord lengths to bit masks."""
+def _violation(manipulation: Manipulation, cols: Collisions, path: np.ndarray, phases) -> tuple[float, int]:
+    """Worst margin violation (m) along the spline through a path (M, n), and its pair (-1: none).
+
+    ``phases`` is a bit mask, or maps chord lengths to bit masks.
+    """
     curve = spline(path)
     chain = manipulation.model.chain
     knots = curve.x
     # motion bound of a knot interval from the joint motion between its ends, with room for the curve's bulge
     moved = 1.5 * np.abs(np.diff(curve(knots), axis=0)) @ chain.reach
     counts = np.maximum(1, np.ceil(moved / VERIFY_STEP)).astype(int)
-    s = np.concatenate([np.linspace(a, b, c, endpoint=False) for a, b, c in zip(knots, knots[1:], counts)] + [knots[-1:]])
+    s = np.concatenate(
+        [np.linspace(a, b, c, endpoint=False) for a, b, c in zip(knots, knots[1:], counts, strict=False)] + [knots[-1:]]
+    )
     masks = np.array([phases(x) for x in s], np.int64) if callable(phases) else np.full(len(s), phases)
-    violation, _ = path_violations(np.ascontiguousarray(curve(s)), masks, chain, cols, 0.0)
-    return float(violation.max())
+    violation, pair = path_violations(np.ascontiguousarray(curve(s)), masks, chain, cols, 0.0)
+    worst = int(violation.argmax())
+    return float(violation[worst]), int(pair[worst])
 
 
 class _Segment:
@@ -145,47 +151,43 @@ class _Segment:
     def solve(self, rng: np.random.Generator, deadline: float) -> list[_Piece]:
         before = self._drawn_back(self.T_start, self.keyframes[0], Phase.APPROACH)
         after = self._drawn_back(self.T_end, self.keyframes[-1], Phase.RETREAT)
-        problem = self._problem(before)
-        guess = self._guess(before, after, problem.steps_per_phase[Phase.TRANSIT])
-        result = problem.solve(self.start, guess)
-        reason = result.worst
+        problem = self._problem(before[-1])
         cols = relaxed(problem.chain, problem.arrays(), self.start, bit(Phase.TRANSIT))
-        path = result.path if result.feasible else None
-        if path is not None:
-            reason = self._check(problem, path, cols)
-        if path is None or reason:
-            path = self._searched(problem, cols, before, after, rng, deadline, reason)
+        steps = problem.steps_per_phase[Phase.TRANSIT]
+        straight = self.start + np.linspace(0.0, 1.0, steps + 1)[1:, None] * (before[-1] - self.start)
+        path, why = self._attempt(problem, cols, straight, before, after)
+        if path is None:
+            until = min(deadline, time.monotonic() + SEARCH_TIME)
+            corners = find_transit(problem.chain, cols, bit(Phase.TRANSIT), self.start, before[-1], rng, until)
+            if corners is None:
+                raise MotionError(f"robot '{self.robot}' cannot get to the contact on '{self.object}': {why}")
+            path, why = self._attempt(problem, cols, resampled(corners, steps), before, after)
+        if path is None:
+            raise MotionError(f"robot '{self.robot}' finds no motion with its contact on '{self.object}': {why}")
         return self._pieces(problem, path)
 
-    def _searched(self, problem, cols, before, after, rng, deadline, reason: str) -> np.ndarray:
-        """The same problem from a joint-space search for the transit; raises MotionError when that fails as well."""
-        until = time.monotonic() + RRT_SHARE * max(0.0, deadline - time.monotonic())
-        corners = find_transit(problem.chain, cols, bit(Phase.TRANSIT), self.start, before, rng, until)
-        if corners is None:
-            raise MotionError(f"robot '{self.robot}' cannot get to the contact on '{self.object}': {reason}")
-        steps = problem.steps_per_phase[Phase.TRANSIT]
-        guess = self._guess(before, after, steps)
-        guess[:steps] = resampled(corners, steps)
+    def _attempt(self, problem, cols, transit, before, after) -> tuple[np.ndarray | None, str]:
+        """Solves from one first guess of the transit (T0, n); returns the verified path, or None and what is wrong."""
+        guess = np.concatenate([transit, before[-2::-1], self.keyframes, after])
         result = problem.solve(self.start, guess)
-        why = self._check(problem, result.path, cols) if result.feasible else result.worst
-        if why:
-            raise MotionError(f"robot '{self.robot}' finds no motion with its contact on '{self.object}': {why}")
-        return result.path
+        if not result.feasible:
+            return None, result.worst
+        why = self._check(problem, result.path, cols)
+        return (None, why) if why else (result.path, "")
 
     def _drawn_back(self, T_world_obj: np.ndarray, q: np.ndarray, phase: Phase) -> np.ndarray:
         problem = ik_problem(self.manipulation, self.collisions, phase)
-        target = self.manipulation.target(multiply(T_world_obj, retreated(self.contact)))
-        found, ok = solve_ik_batch(problem, target[None], q[None], q[None])
-        if not ok[0]:
+        path = draw_back(self.manipulation, problem, self.contact, T_world_obj, q)
+        if not len(path):
             what = "come to" if phase == Phase.APPROACH else "leave"
             raise MotionError(f"robot '{self.robot}' cannot {what} the contact on '{self.object}'", Code.NO_MOTION)
-        return found[0]
+        return path
 
     def _problem(self, before: np.ndarray) -> KomoProblem:
         steps = (_transit_steps(self.start, before), APPROACH_STEPS, len(self.poses) - 1, APPROACH_STEPS)
         problem = KomoProblem(self.manipulation.model.chain, steps, self.collisions, _options(sum(steps)))
         feature = relative_pose(self.manipulation.tip, IDENTITY, IDENTITY)
-        fractions = np.arange(APPROACH_STEPS + 1) / APPROACH_STEPS
+        fractions = np.arange(APPROACH_STEPS + 1) / APPROACH_STEPS  # as in draw_back
         coming = [multiply(self.T_start, retreated(self.contact, f)) for f in fractions[::-1]]
         carrying = [multiply(T, self.contact.T_obj_ee) for T in self.poses[1:]]
         leaving = [multiply(self.T_end, retreated(self.contact, f)) for f in fractions[1:]]
@@ -194,21 +196,6 @@ class _Segment:
         params = [self.manipulation.target(T) for T in targets]
         problem.add(Objective(feature, ObjectiveType.EQ, range(first, first + len(targets)), params=params))
         return problem
-
-    def _guess(self, before: np.ndarray, after: np.ndarray, steps: int) -> np.ndarray:
-        """First guess (T, n): straight to the pre-contact posture, then through the contact's keyframes."""
-
-        def line(a, b, count):
-            return a + np.linspace(0.0, 1.0, count + 1)[1:, None] * (b - a)
-
-        return np.concatenate(
-            [
-                line(self.start, before, steps),
-                line(before, self.keyframes[0], APPROACH_STEPS),
-                self.keyframes[1:],
-                line(self.keyframes[-1], after, APPROACH_STEPS),
-            ]
-        )
 
     def _parts(self, problem: KomoProblem, path: np.ndarray) -> list[np.ndarray]:
         """The coming (M0, n), carrying (M1, n) and leaving (M2, n) parts; each starts where the last ended."""
@@ -219,17 +206,20 @@ class _Segment:
     def _check(self, problem: KomoProblem, path: np.ndarray, cols: Collisions) -> str:
         """What is violated between the steps, or nothing."""
         coming, carrying, leaving = self._parts(problem, path)
+        cols = verification(cols)
         knots = spline(coming).x
         turn = knots[-1 - APPROACH_STEPS] if len(knots) > APPROACH_STEPS else 0.0
         found = {
             "coming": _violation(
                 self.manipulation, cols, coming, lambda s: bit(Phase.TRANSIT if s < turn else Phase.APPROACH)
             ),
-            "carrying": _violation(self.manipulation, cols, carrying, bit(Phase.HOLD)),
+            "carrying": _violation(self.manipulation, cols, carrying, bit(Phase.HOLD) | CARRIED),
             "leaving": _violation(self.manipulation, cols, leaving, bit(Phase.RETREAT)),
         }
         return ", ".join(
-            f"{k} is {v * 1e3:.1f} mm too close between two steps" for k, v in found.items() if v > VERIFY_SLACK
+            f"{what}, {' and '.join(problem.collisions.pair_name(pair))} are {v * 1e3:.1f} mm too close between steps"
+            for what, (v, pair) in found.items()
+            if pair >= 0
         )
 
     def _pieces(self, problem: KomoProblem, path: np.ndarray) -> list[_Piece]:

@@ -9,7 +9,7 @@ from ompl import geometric as og
 from ompl import util as ou
 
 from hmap_core.collision.scene_model import Collisions
-from hmap_core.komo.arrays import Chain
+from hmap_core.kinematics.chain import Chain
 from hmap_core.komo.solver import path_violations
 
 RESOLUTION = 0.05  # rad between two checked configurations of an edge

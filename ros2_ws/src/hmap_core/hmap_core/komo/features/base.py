@@ -1,8 +1,8 @@
 """Features: differentiable maps of a configuration, each one compiled kernel.
 
-A kernel is a numba ``cfunc`` of the signature :data:`KERNEL`. It gets the frames of all moving links, writes its value r
-(dim,) and adds its Jacobian to J (dim, n), which arrives as zeros. The solver calls kernels by address, so a new feature
-is a new file: nothing else has to know of it.
+A kernel is a numba ``cfunc`` of the signature :data:`KERNEL`. It gets the frames of all moving links, writes its value
+r (dim,) and adds its Jacobian to J (dim, n), which arrives as zeros. The solver calls kernels by address, so a new
+feature is a new file: nothing else has to know of it.
 """
 
 from dataclasses import dataclass, field

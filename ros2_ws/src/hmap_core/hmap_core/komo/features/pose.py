@@ -5,6 +5,7 @@ import math
 import numba as nb
 import numpy as np
 from numba import carray, cfunc
+from scipy.spatial.transform import Rotation
 
 from hmap_core.collision.gjk import OPTIONS
 from hmap_core.kinematics.tree import point_jacobian
@@ -88,6 +89,14 @@ def pose_params(T_frame_offset: np.ndarray, T_reference_target: np.ndarray) -> n
             rotation_matrix(T_reference_target).reshape(-1),
         ]
     )
+
+
+def pose_params_all(T_frame_offset: np.ndarray, T_reference_target: np.ndarray) -> np.ndarray:
+    """:func:`pose_params` (M, 24) of one offset (7,) and many targets (M, 7)."""
+    M = len(T_reference_target)
+    targets = Rotation.from_quat(T_reference_target[:, 3:]).as_matrix().reshape(M, 9)
+    offset = np.concatenate([T_frame_offset[:3], rotation_matrix(T_frame_offset).reshape(-1)])
+    return np.concatenate([np.tile(offset, (M, 1)), T_reference_target[:, :3], targets], axis=1)
 
 
 def relative_pose(frame: int, T_frame_offset, T_reference_target, reference: int = 0) -> Feature:

@@ -1,0 +1,47 @@
+"""Where compiled code is kept: one folder per state of the sources.
+
+Numba notices a change in the file of a compiled function, but not in the functions that it calls in other files. A folder
+named by the hash of all sources makes sure that what runs is what is written.
+"""
+
+import hashlib
+import os
+import shutil
+import sys
+from pathlib import Path
+
+VARIABLE = "NUMBA_CACHE_DIR"
+
+
+def cache_root() -> Path:
+    """Folder of all caches of compiled code."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hmap" / "compiled"
+
+
+def source_hash() -> str:
+    """Hash of every Python source of this package."""
+    folder = Path(__file__).parent
+    digest = hashlib.sha256()
+    for file in sorted(folder.rglob("*.py")):
+        digest.update(file.relative_to(folder).as_posix().encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def use_own_cache() -> None:
+    """Points numba at the folder for these sources, unless the user has chosen one."""
+    chosen = os.environ.get(VARIABLE)
+    if chosen and cache_root() not in Path(chosen).parents:
+        return
+    folder = cache_root() / source_hash()
+    os.environ[VARIABLE] = str(folder)
+    if "numba" in sys.modules:  # it has read the variable already
+        sys.modules["numba"].config.CACHE_DIR = str(folder)
+
+
+def remove_old_caches() -> None:
+    """Deletes the folders of other states of the sources."""
+    current = source_hash()
+    for folder in cache_root().glob("*"):
+        if folder.name != current:
+            shutil.rmtree(folder, ignore_errors=True)
