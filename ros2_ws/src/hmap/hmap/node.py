@@ -27,6 +27,7 @@ from hmap_msgs_py.errors import error_to_message
 
 THREADS = 12  # per process; some wait in callbacks for an answer or for a motion to end
 DIAGNOSTICS_PERIOD = 1.0  # s
+RETRY_PERIOD = 0.1  # s after an error that reached the executor
 YES, NO, BAD_INPUT = 0, 1, 2  # exit codes
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -92,7 +93,7 @@ class HmapNode(Node):
             except Exception as error:
                 response = service_type.Response()  # nothing half filled
                 response.error = error_to_message(error)
-                self._report(name, error)
+                self.report_error(name, error)
             if hasattr(response, "planning_time"):
                 response.planning_time = time.monotonic() - began
             return response
@@ -103,11 +104,12 @@ class HmapNode(Node):
         """What the node says of itself on ``diagnostics``."""
         self._status = (level, text, values)
 
-    def _report(self, name: str, error: Exception) -> None:
+    def report_error(self, name: str, error: Exception) -> None:
+        """Log an error that an answer carries; only an unforeseen one with its trace."""
         if isinstance(error, HmapError | ConversionError):
             self.get_logger().info(f"{name}: {error}")
         else:
-            self.get_logger().error(f"{name}: {error!r}\n{traceback.format_exc()}")
+            self.get_logger().error(f"{name}: {''.join(traceback.format_exception(error))}")
 
     def _publish_diagnostics(self) -> None:
         level, text, values = self._status
@@ -166,3 +168,4 @@ def _spin(executor: MultiThreadedExecutor, node: HmapNode) -> None:
         except Exception as error:  # of one callback; the others go on
             if not node.stopping.is_set():
                 node.get_logger().error(f"{error!r}\n{traceback.format_exc()}")
+                node.stopping.wait(RETRY_PERIOD)

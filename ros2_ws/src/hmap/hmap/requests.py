@@ -1,5 +1,6 @@
 """Reads what every planning request holds, and calls other nodes' services."""
 
+import copy
 import threading
 import time
 from collections.abc import Callable
@@ -70,6 +71,12 @@ class Caller:
         """
         self._node, self._patience, self._canceled = node, patience, canceled
         self._clients: dict[str, Client] = {}
+
+    def until(self, canceled: Callable[[], bool]) -> "Caller":
+        """The same, with the same clients, that stops waiting when ``canceled`` says so."""
+        other = copy.copy(self)
+        other._canceled = canceled
+        return other
 
     def client(self, service_type: type, name: str) -> Client:
         """The client of a service; made once."""

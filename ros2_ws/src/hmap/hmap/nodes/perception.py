@@ -6,6 +6,14 @@ from functools import partial
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import CameraInfo, Image, JointState
+
+from hmap.conversions import cloud_to_message, scene_from_message, scene_to_message, state_to_message
+from hmap.naming import Naming
+from hmap.node import LATCHED, HmapNode, run
+from hmap.perception.fusion import Fusion
+from hmap.perception.pictures import Picture, PictureParts
 from hmap_core.contacts.cloud import cloud_from_depth, merged
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes import load_scene
@@ -15,14 +23,6 @@ from hmap_msgs.msg import Scene as SceneMessage
 from hmap_msgs_py.bodies import body_to_message
 from hmap_msgs_py.poses import pose_from_message
 from hmap_msgs_py.times import seconds_from_message, time_to_message
-from rclpy.qos import qos_profile_sensor_data
-from sensor_msgs.msg import CameraInfo, Image, JointState
-
-from hmap.conversions import cloud_to_message, scene_from_message, scene_to_message, state_to_message
-from hmap.naming import Naming
-from hmap.node import LATCHED, HmapNode, run
-from hmap.perception.fusion import Fusion
-from hmap.perception.pictures import Picture, PictureParts
 
 FRAME = "world"
 CAMERA_TOPICS = {
@@ -41,7 +41,7 @@ class Perception(HmapNode):
         self._naming = Naming(self, "arm_joint", "finger_joint", "camera", "body_pose")
         task = self.parameter("task", "", "task whose scene is seen; empty: the scene that is published on `scene`")
         seed = self.parameter("seed", 0, "of its randomisation", 0, 2**31 - 1)
-        rate = self.parameter("rate", 15.0, "of world_state, Hz of real time", 0.1, 1000.0)
+        rate = self.parameter("rate", 10.0, "of world_state, Hz of real time", 0.1, 1000.0)
         self._stale_after = self.parameter("stale_after", 1.0, "s; older measurements are not published", 0.01, 3600.0)
         frames = "accepted frame_ids of body poses, which all have to mean the world frame"
         self._frames = set(self.parameter("pose_frames", ["world", "vicon"], frames))
@@ -58,7 +58,9 @@ class Perception(HmapNode):
             self._offered.publish(scene_to_message(scene))
             self._take_scene(scene)
         else:
-            self.subscribe(SceneMessage, "scene", lambda message: self._take_scene(scene_from_message(message)), LATCHED)
+            self.subscribe(
+                SceneMessage, "scene", lambda message: self._take_scene(scene_from_message(message)), LATCHED
+            )
         self.every(1.0 / rate, self._publish_state)
 
     # the scene

@@ -6,13 +6,13 @@ import threading
 from importlib import import_module
 from pathlib import Path
 
-from hmap_core.exceptions import InputError
-from hmap_msgs_py.definitions import typestore
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys.store import Typestore
 
 from hmap.node import HmapNode, run
+from hmap_core.exceptions import InputError
+from hmap_msgs_py.definitions import typestore
 
 BAG_VERSION = 9  # of the metadata, as rosbag2 of Jazzy writes it
 DEPTH = 100  # messages in the queue of a subscription
@@ -90,9 +90,7 @@ class Recorder(HmapNode):
                     self._writer.write(connection, now, data)
                     self._count += 1
 
-        self.create_subscription(
-            message_type, topic, self.guarded(write), qos, callback_group=self.group, raw=True
-        )
+        self.create_subscription(message_type, topic, self.guarded(write), qos, callback_group=self.group, raw=True)
 
     def _qos(self, topic: str) -> QoSProfile:
         """What every publisher of the topic can serve."""

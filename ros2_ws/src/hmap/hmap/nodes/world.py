@@ -43,9 +43,9 @@ class WorldNode(HmapNode):
         )
         idle = self.parameter("idle_real_time_factor", 1.0, "the same while no robot moves", 0.1, 1000.0)
         self._periods = {
-            "clock": 1.0 / self.parameter("clock_rate", 50.0, "of /clock, Hz of real time", 1.0, 1000.0),
-            "joints": 1.0 / self.parameter("joint_state_rate", 30.0, "of joint_states, Hz of real time", 1.0, 1000.0),
-            "poses": 1.0 / self.parameter("body_pose_rate", 20.0, "of the bodies' poses, Hz of real time", 1.0, 1000.0),
+            "clock": 1.0 / self.parameter("clock_rate", 20.0, "of /clock, Hz of real time", 1.0, 1000.0),
+            "joints": 1.0 / self.parameter("joint_state_rate", 20.0, "of joint_states, Hz of real time", 1.0, 1000.0),
+            "poses": 1.0 / self.parameter("body_pose_rate", 15.0, "of the bodies' poses, Hz of real time", 1.0, 1000.0),
         }
         self._camera_period = self.parameter(
             "camera_period", 4.0, "simulated s between pictures, taken when something has moved; 0: on demand", 0.0, 1e6

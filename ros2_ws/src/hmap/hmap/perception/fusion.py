@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Mapping
 
 import numpy as np
+
 from hmap_core.exceptions import Code, InputError
 from hmap_core.types import BodyKind, Scene, SceneState
 
@@ -68,7 +69,9 @@ class Fusion:
             InputError: STALE_STATE; something has never been measured.
         """
         with self._lock:
-            wanted = [name for names in (self._arm_joints, self._finger_joints) for row in names.values() for name in row]
+            wanted = [
+                name for names in (self._arm_joints, self._finger_joints) for row in names.values() for name in row
+            ]
             missing = [name for name in wanted if name not in self._joints]
             missing += [name for name, measured in self._poses.items() if not measured]
             if missing:

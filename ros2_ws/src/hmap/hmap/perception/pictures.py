@@ -4,6 +4,7 @@ import threading
 from dataclasses import dataclass, field
 
 import numpy as np
+
 from hmap_core.exceptions import InputError
 from hmap_core.types import Camera
 from hmap_msgs_py.images import depth_from_message, image_from_message

@@ -1,0 +1,32 @@
+"""``hmap run NODE``: one node in the foreground, as ``ros2 run hmap NODE`` does."""
+
+import argparse
+import os
+from importlib.util import find_spec
+from pathlib import Path
+
+from hmap.environment import ros_environment
+from hmap.launcher.processes import node_command
+from hmap_core.exceptions import InputError
+
+HELP = "run one node in the foreground"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("node", metavar="NODE", help=", ".join(nodes()))
+    parser.add_argument(
+        "rest", nargs=argparse.REMAINDER, metavar="...", help="for ROS, such as --ros-args -p task:=tunnel"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    if arguments.node not in nodes():
+        raise InputError(f"unknown node {arguments.node!r}; known: {', '.join(nodes())}")
+    command = [*node_command(arguments.node), *arguments.rest]
+    os.execve(command[0], command, ros_environment())
+
+
+def nodes() -> list[str]:
+    """Names of the nodes."""
+    folder = Path(find_spec("hmap.nodes").origin).parent
+    return sorted(path.stem for path in folder.glob("*.py") if path.stem != "__init__")

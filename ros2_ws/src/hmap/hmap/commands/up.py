@@ -1,0 +1,172 @@
+"""``hmap up TASK``: the whole graph of nodes plans and executes a task."""
+
+import argparse
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+
+from hmap.environment import prepare_process
+from hmap.launcher.processes import Graph, output_folder
+from hmap_core.cli.main import positive, seed_argument
+from hmap_core.cli.progress import ProgressLine
+from hmap_core.exceptions import Code, InputError, PlannerError
+
+HELP = "start the nodes, plan and execute a task with them, and stop them"
+START_LIMIT = 120.0  # s for all nodes to be up
+POLL = 0.1  # s
+KINEMATIC = "kinematic"
+DISCOVERY = 0.5  # s to find nodes that run already
+DEFAULT_TIME_LIMIT = 120.0  # s for planning
+INPUT_CODES = range(100, 200)  # of hmap_core.exceptions.Code
+YES, NO, BAD_INPUT = 0, 1, 2  # exit codes
+BAG, PLAN, PICTURE = "bag", "plan.json", "plan.png"  # in the folder of the run
+
+
+class Stopped(Exception):
+    """SIGINT or SIGTERM came."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "task", metavar="TASK", help="a name that `hmap tasks` lists, or the path of a task file (.yaml)"
+    )
+    seed_argument(parser)
+    parser.add_argument(
+        "--out", type=Path, default=Path("runs"), metavar="DIR", help="where the run's folder is made (runs)"
+    )
+    limit = f"for planning ({DEFAULT_TIME_LIMIT:g})"
+    parser.add_argument("--time-limit", type=positive, default=DEFAULT_TIME_LIMIT, metavar="SECONDS", help=limit)
+    speed = "simulated seconds per second while a robot moves (4); 0: as fast as possible"
+    parser.add_argument("--speed", type=float, default=4.0, metavar="X", help=speed)
+    parser.add_argument("--plan-only", action="store_true", help="do not execute the plan")
+    parser.add_argument("--no-picture", action="store_true", help="do not draw the plan")
+    parser.add_argument("--keep", action="store_true", help="leave the nodes running afterwards, until Ctrl-C")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    prepare_process()
+    from hmap_core.scenes import load_scene  # slow to import, as is all of ROS below
+
+    scene = load_scene(arguments.task, arguments.seed)
+    if arguments.task.endswith((".yaml", ".yml")):
+        arguments.task = str(Path(arguments.task).expanduser().absolute())
+    if scene.mode == KINEMATIC and not arguments.plan_only:
+        print(f"{arguments.task} is a kinematic task, which no real contact can execute: it is only planned", file=sys.stderr)
+        arguments.plan_only = True
+    folder = output_folder(arguments.out, arguments.task, arguments.seed)
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    try:
+        return _run(arguments, folder, stop)
+    except Stopped:
+        print("stopped", file=sys.stderr)
+        return YES
+
+
+def _run(arguments: argparse.Namespace, folder: Path, stop: threading.Event) -> int:
+    from hmap.launcher.session import Session  # imports ROS, which a wrong task name need not wait for
+
+    with ProgressLine() as line, Graph(folder / "logs") as graph, Session() as session:
+
+        def between() -> None:
+            graph.check()
+            if stop.is_set():
+                raise Stopped
+
+        _start(graph, session, arguments, folder, line, between)
+        result = session.manipulate(_goal(arguments), lambda s: _show(line, s), between)
+        files = _save(result, folder, not arguments.no_picture, line)
+        if arguments.keep:
+            _print(result, files)
+            line.show("up", "the nodes run on; Ctrl-C ends them")
+            while not stop.wait(POLL):
+                graph.check()
+        line.show("stopping", "the nodes end")
+    if not arguments.keep:
+        _print(result, {**files, "bag": folder / BAG})
+    return _exit_code(result)
+
+
+def _start(graph: Graph, session, arguments: argparse.Namespace, folder: Path, line: ProgressLine, between) -> None:
+    line.show("starting", "looking for nodes that run already")
+    until = time.monotonic() + DISCOVERY
+    while time.monotonic() < until:
+        if session.other_graph():
+            raise InputError("a graph of nodes runs here already; end it, or set another ROS_DOMAIN_ID")
+        time.sleep(POLL)
+    graph.start("recorder", {"path": folder / BAG})
+    world = {"task": arguments.task, "seed": arguments.seed, "real_time_factor": float(arguments.speed)}
+    graph.start("world", world)
+    for name in ("komo_optimiser", "supervisor", "contact_proposer", "waypoint_planner", "perception"):
+        graph.start(name)
+    until = time.monotonic() + START_LIMIT
+    while len(up := session.up(graph.nodes)) < len(graph.nodes):
+        between()
+        missing = [name for name in graph.nodes if name not in up]
+        line.show("starting", f"{len(up)} of {len(graph.nodes)} nodes are up; waiting for {', '.join(missing)}")
+        if time.monotonic() > until:
+            raise PlannerError(f"not up after {START_LIMIT:g} s: {', '.join(missing)}", Code.SERVICE_UNAVAILABLE)
+        time.sleep(POLL)
+    line.show("up", ", ".join(up))
+
+
+def _goal(arguments: argparse.Namespace):
+    from hmap_msgs.action import Manipulate
+
+    return Manipulate.Goal(
+        task=arguments.task,
+        seed=arguments.seed,
+        plan_only=arguments.plan_only,
+        time_limit=arguments.time_limit,
+    )
+
+
+def _show(line: ProgressLine, status) -> None:
+    line.planning(status.phase, status.waypoint, status.waypoint_count, status.attempt, status.text)
+
+
+def _save(result, folder: Path, picture: bool, line: ProgressLine) -> dict[str, Path]:
+    """Write the plan and its picture; what -> where."""
+    from hmap.conversions import plan_from_message
+    from hmap_core import plan_file
+    from hmap_core.viz.picture import render
+
+    if not result.plan.segments:
+        return {}
+    plan = plan_from_message(result.plan)
+    files = {"plan": folder / PLAN}
+    plan_file.save(plan, files["plan"])
+    if picture:
+        line.show("drawing")
+        files["picture"] = folder / PICTURE
+        render(plan, files["picture"])
+    return files
+
+
+def _print(result, files: dict[str, Path]) -> None:
+    """The summary, for people."""
+    from hmap.conversions import plan_from_message
+    from hmap_core.viz.summary import summary
+
+    done = "executed" if result.executed else "planned"
+    print(f"{'solved' if result.success else 'not solved'} ({done})")
+    if not result.success:
+        print(f"{'reason':<16}[{result.error.stage}/{Code(result.error.code).name}] {result.error.reason}")
+    if result.plan.segments:
+        lines = summary(plan_from_message(result.plan))
+        degrees = result.rotation_error * 180.0 / 3.141592653589793
+        lines["final error"] = f"{result.position_error * 1e3:.2f} mm, {degrees:.2f} deg"
+        for name, value in lines.items():
+            print(f"{name:<16}{value}")
+    for name, path in files.items():
+        print(f"{name:<16}{path}")
+    sys.stdout.flush()
+
+
+def _exit_code(result) -> int:
+    if result.success:
+        return YES
+    return BAD_INPUT if result.error.code in INPUT_CODES else NO

@@ -1,0 +1,169 @@
+"""Node processes: started with their own logs, started again when they die, ended together."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hmap.environment import ros_environment
+from hmap_core.exceptions import ExecutionError, InputError
+
+RESPAWNABLE = ("perception", "waypoint_planner", "contact_proposer", "komo_optimiser")  # keep no state of their own
+CLOCKED = ("perception", "supervisor", "recorder")  # what they write has stamps; following the clock costs the others time
+MAX_STARTS = 5  # of one node
+WATCH_PERIOD = 0.2  # s
+END_TIMEOUT = 10.0  # s for a node to end after SIGINT, and again after SIGTERM
+LOG_TAIL = 15  # lines that are shown of a node that died
+
+
+@dataclass
+class NodeProcess:
+    """A node of the graph.
+
+    Attributes:
+        parameters: name -> value, beside use_sim_time.
+        code: exit code of the last end, None while it runs.
+        starts: how often it was started.
+    """
+
+    name: str
+    parameters: Mapping[str, object]
+    log: Path
+    process: subprocess.Popen | None = None
+    starts: int = 0
+    code: int | None = None
+
+    def start(self, environment: Mapping[str, str]) -> None:
+        """Start it in a process group of its own, so that a Ctrl-C reaches it only through us."""
+        self.starts += 1
+        self.code = None
+        with self.log.open("ab") as log:
+            self.process = subprocess.Popen(
+                node_command(self.name, _assignments(dict(self.parameters) | {"use_sim_time": self.name in CLOCKED})),
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                env=dict(environment),
+                start_new_session=True,
+            )
+
+    def tail(self) -> str:
+        """The end of its log."""
+        return "\n".join(self.log.read_text(errors="replace").splitlines()[-LOG_TAIL:])
+
+
+def node_command(name: str, assignments: list[str] | None = None) -> list[str]:
+    """The command line of a node."""
+    arguments = [word for text in assignments or [] for word in ("-p", text)]
+    return [sys.executable, "-m", f"hmap.nodes.{name}", *(["--ros-args", *arguments] if arguments else [])]
+
+
+def _assignments(parameters: Mapping[str, object]) -> list[str]:
+    return [f"{key}:={str(value).lower() if isinstance(value, bool) else value}" for key, value in parameters.items()]
+
+
+@dataclass
+class Graph:
+    """The node processes of one run. Used as a context: all have ended when it is left."""
+
+    folder: Path  # of the logs
+    nodes: dict[str, NodeProcess] = field(default_factory=dict)
+    _ending: threading.Event = field(default_factory=threading.Event)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+    _failure: str = ""
+
+    def __enter__(self) -> "Graph":
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self._environment = ros_environment()
+        self._watcher = threading.Thread(target=self._watch, name="processes", daemon=True)
+        self._watcher.start()
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.end()
+
+    def start(self, name: str, parameters: Mapping[str, object] | None = None) -> None:
+        """Start a node."""
+        node = NodeProcess(name, parameters or {}, self.folder / f"{name}.log")
+        with self._lock:
+            self.nodes[name] = node
+            node.start(self._environment)
+
+    def check(self) -> None:
+        """Raises when a node has died for good."""
+        if self._failure:
+            raise ExecutionError(self._failure)
+
+    def end(self) -> None:
+        """End all nodes: SIGINT, then SIGTERM, then SIGKILL; the recorder last, so that it sees the others end."""
+        if self._ending.is_set():
+            return
+        self._ending.set()
+        self._watcher.join()
+        late = [name for name in self.nodes if name == "recorder"]
+        for names in ([name for name in self.nodes if name not in late], late):
+            self._end([self.nodes[name] for name in names])
+
+    def exit_codes(self) -> dict[str, int | None]:
+        """Node -> its exit code, once it has ended."""
+        return {name: node.code for name, node in self.nodes.items()}
+
+    def _end(self, nodes: list[NodeProcess]) -> None:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            running = [node for node in nodes if node.process.poll() is None]
+            for node in running:
+                _send(node.process, number)
+            until = time.monotonic() + END_TIMEOUT
+            for node in running:
+                try:
+                    node.process.wait(max(0.0, until - time.monotonic()))
+                except subprocess.TimeoutExpired:
+                    continue
+        for node in nodes:
+            node.code = node.process.poll()
+
+    def _watch(self) -> None:
+        while not self._ending.wait(WATCH_PERIOD):
+            with self._lock:
+                for node in list(self.nodes.values()):
+                    if node.code is None and node.process.poll() is not None:
+                        self._died(node)
+
+    def _died(self, node: NodeProcess) -> None:
+        node.code = node.process.returncode
+        if node.code == 2 or node.name not in RESPAWNABLE or node.starts >= MAX_STARTS:
+            self._failure = f"the node {node.name} ended with exit code {node.code}; its log ends with:\n{node.tail()}"
+        else:
+            node.start(self._environment)
+
+
+def _send(process: subprocess.Popen, number: int) -> None:
+    try:
+        os.killpg(process.pid, number)
+    except ProcessLookupError:
+        pass
+
+
+def output_folder(base: Path, task: str, seed: int) -> Path:
+    """A new folder ``<task>-<seed>-<time>`` in ``base``.
+
+    Raises:
+        InputError: it cannot be made.
+    """
+    stamp = time.strftime("%Y%m%d-%H%M%S")
+    name = f"{Path(task).with_suffix('').name if task.endswith(('.yaml', '.yml')) else task.replace('/', '_')}-{seed}"
+    for extra in ("", *(f"-{k}" for k in range(2, 100))):
+        folder = base / f"{name}-{stamp}{extra}"
+        try:
+            folder.mkdir(parents=True)
+            return folder
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be made: {error}") from error
+    raise InputError(f"{base} holds too many runs of this second")

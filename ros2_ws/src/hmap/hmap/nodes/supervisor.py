@@ -1,0 +1,246 @@
+"""The node ``supervisor``: Algorithm 1 over the other nodes, then execution; the action ``manipulate``."""
+
+import sys
+import threading
+import time
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from visualization_msgs.msg import MarkerArray
+
+from hmap.conversions import known_object, observed_scene, plan_to_message
+from hmap.naming import Naming
+from hmap.node import LATCHED, HmapNode, run
+from hmap.requests import Caller, time_limit
+from hmap.supervision.backend import RosBackend
+from hmap.supervision.controllers import Controllers
+from hmap.supervision.follower import Follower
+from hmap.supervision.markers import markers_of
+from hmap.supervision.observer import Observer
+from hmap_core import planner, transforms
+from hmap_core.exceptions import Code, ExecutionError, HmapError, InputError, PlannerError
+from hmap_core.types import Goal, Plan, Scene, SceneState
+from hmap_msgs.action import Manipulate
+from hmap_msgs.msg import Plan as PlanMessage
+from hmap_msgs.msg import PlannerStatus
+from hmap_msgs.srv import LoadScene
+from hmap_msgs_py.checks import ConversionError
+from hmap_msgs_py.errors import error_to_message
+from hmap_msgs_py.plans import statistics_to_messages
+from hmap_msgs_py.poses import pose_from_message
+
+FRAME = "world"
+LOADING_LIMIT = 30.0  # s for a scene to be loaded
+REST_PERIOD = 0.2  # s between two looks at an object that is coming to rest, of the sensors' clock
+REST_DISTANCE = 5e-4  # m in that period; slower counts as at rest
+REST_LOOKS = 15  # looks at most
+RECOVERABLE = (Code.TRACKING_LOST, Code.GOAL_MISSED, Code.OBJECT_DROPPED)
+
+
+@dataclass
+class Job:
+    """A goal of ``manipulate`` being worked on."""
+
+    handle: ServerGoalHandle
+    began: float = field(default_factory=time.monotonic)
+    replaced: threading.Event = field(default_factory=threading.Event)
+    result: Manipulate.Result = field(default_factory=Manipulate.Result)
+
+    @property
+    def goal(self) -> Manipulate.Goal:
+        return self.handle.request
+
+
+class Supervisor(HmapNode):
+    """Plans and executes one goal at a time; a new goal takes the place of the one before."""
+
+    def __init__(self):
+        super().__init__("supervisor")
+        self._naming = Naming(self, "arm_joint", "arm_action", "gripper_action")
+        self._time_limit = self.parameter(
+            "time_limit", 120.0, "s for planning, of a goal that names none", 0.1, 86400.0
+        )
+        self._patience = self.parameter("service_patience", 30.0, "s to wait for a node that is away", 0.0, 3600.0)
+        self._state_patience = self.parameter("state_patience", 10.0, "s to wait for a world state", 0.0, 3600.0)
+        self._replans = self.parameter("replans", 2, "new plans after an execution that went wrong", 0, 1000)
+        stale = self.parameter("stale_after", 2.0, "s of real time; an older world state is not used", 0.05, 3600.0)
+        self._plan_topic = self.create_publisher(PlanMessage, "plan", LATCHED)
+        self._markers = self.create_publisher(MarkerArray, "markers", LATCHED)
+        self._status_topic = self.create_publisher(PlannerStatus, "planner_status", LATCHED)
+        self._observer = Observer(self, stale)
+        self._remote = Caller(self, self._patience)
+        self._controllers = Controllers(self, self._naming, self._patience)
+        self._turn, self._jobs = threading.Lock(), threading.Lock()
+        self._job: Job | None = None
+        self._server = ActionServer(
+            self,
+            Manipulate,
+            "manipulate",
+            self._execute,
+            callback_group=self.group,
+            goal_callback=lambda _: GoalResponse.ACCEPT,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+        )
+        self._say(None, PlannerStatus.IDLE, "waiting for a goal")
+
+    # one goal
+
+    def _execute(self, handle: ServerGoalHandle) -> Manipulate.Result:
+        job = Job(handle)
+        with self._jobs:
+            if self._job is not None:
+                self._job.replaced.set()
+            self._job = job
+        with self._turn:
+            error = self._attempt(job)
+        job.result.error = error_to_message(error)
+        job.result.success = error is None
+        if error is None:
+            self._say(job, PlannerStatus.DONE, "done")
+            handle.succeed()
+        else:
+            self._say(job, PlannerStatus.FAILED, str(error))
+            self.report_error("manipulate", error)
+            canceled = isinstance(error, HmapError) and error.code is Code.CANCELED and handle.is_cancel_requested
+            handle.canceled() if canceled else handle.abort()
+        return job.result
+
+    def _attempt(self, job: Job) -> Exception | None:
+        try:
+            self._manipulate(job)
+        except Exception as error:  # becomes the result's error
+            return error
+        return None
+
+    def _manipulate(self, job: Job) -> None:
+        limit = time_limit(job.goal, self._time_limit)
+        scene = self._goal_scene(job)
+        for attempt in range(self._replans + 1):
+            plan = self._plan(job, scene, attempt, limit)
+            if job.goal.plan_only:
+                self._compare(job, plan.scene.goal, plan.trajectory.objects[plan.scene.goal.object][-1])
+                return
+            try:
+                self._follow(job, plan)
+                return
+            except ExecutionError as error:
+                if error.code not in RECOVERABLE or attempt == self._replans:
+                    raise
+                self.get_logger().warning(f"{error}; planning anew from where everything is")
+
+    def _canceled(self, job: Job) -> bool:
+        return job.handle.is_cancel_requested or job.replaced.is_set() or self.stopping.is_set()
+
+    # the goal
+
+    def _goal_scene(self, job: Job) -> Scene:
+        """The scene with the goal that is asked for."""
+        goal = job.goal
+        loaded = self._observer.scene()
+        if goal.task and (loaded is None or (loaded.task, loaded.seed) != (goal.task, int(goal.seed))):
+            loaded = self._load(job)
+        if loaded is None:
+            raise InputError("no scene is loaded and the goal names no task", Code.UNKNOWN_TASK)
+        target = loaded.goal
+        if goal.object:
+            pose = pose_from_message(goal.pose, "pose of the goal")
+            target = replace(target, object=known_object(loaded, goal.object), pose=pose)
+        position = _tolerance("position_tolerance", goal.position_tolerance, target.position_tolerance)
+        rotation = _tolerance("rotation_tolerance", goal.rotation_tolerance, target.rotation_tolerance)
+        return loaded.with_goal(replace(target, position_tolerance=position, rotation_tolerance=rotation))
+
+    def _load(self, job: Job) -> Scene:
+        goal = job.goal
+        self._say(job, PlannerStatus.LOADING, f"task {goal.task!r}, seed {goal.seed}")
+        request = LoadScene.Request(task=goal.task, seed=goal.seed)
+        self._caller(job).call(LoadScene, "load_scene", request, LOADING_LIMIT)
+        return self._observer.wait_for_scene(goal.task, int(goal.seed), self._state_patience)
+
+    def _caller(self, job: Job) -> Caller:
+        return self._remote.until(lambda: self._canceled(job))
+
+    # planning
+
+    def _plan(self, job: Job, scene: Scene, attempt: int, limit: float) -> Plan:
+        _, state = self._observer.state(self._state_patience)
+        began = time.monotonic()
+        plan = planner.plan(
+            observed_scene(scene, state),
+            state=state,
+            seed=int(job.goal.seed) + attempt,
+            time_limit=limit,
+            backend=RosBackend(self._caller(job)),
+            progress=lambda p: self._say(job, p.phase, p.text, p.waypoint, p.waypoints, p.attempt),
+            canceled=lambda: self._canceled(job),
+            clouds=self._observer.clouds(),
+        )
+        if self._canceled(job):
+            raise PlannerError("canceled", Code.CANCELED)
+        plan = replace(plan, stats={"planning_time_s": time.monotonic() - began, **plan.stats, "plans": attempt + 1})
+        stamp = self.get_clock().now().to_msg()
+        job.result.plan = plan_to_message(plan, stamp)
+        job.result.statistics = statistics_to_messages(plan.stats)
+        self._plan_topic.publish(job.result.plan)
+        self._markers.publish(markers_of(plan, stamp, FRAME))
+        return plan
+
+    # execution
+
+    def _follow(self, job: Job, plan: Plan) -> None:
+        def show(now: float, end: float, label: str) -> None:
+            self._say(job, PlannerStatus.EXECUTION, f"{now:.1f} of {end:.1f} s, {label}")
+
+        follower = Follower(self._controllers, self._observer, lambda: self._canceled(job))
+        job.result.executed = True
+        follower.follow(plan, show)
+        goal = plan.scene.goal
+        self._compare(job, goal, self._rest(goal.object).poses[goal.object])
+        allowed = plan.scene.execution_tolerance
+        if job.result.position_error > allowed[0] or job.result.rotation_error > allowed[1]:
+            raise ExecutionError(
+                f"{goal.object!r} ends {job.result.position_error:.3f} m and "
+                f"{np.rad2deg(job.result.rotation_error):.1f} deg from its goal; {allowed[0]:.3f} m and "
+                f"{np.rad2deg(allowed[1]):.1f} deg are allowed",
+                Code.GOAL_MISSED,
+            )
+
+    def _rest(self, name: str) -> SceneState:
+        """The state once a body has come to rest, or after as long as one waits for that."""
+        stamp, state = self._observer.state(self._state_patience)
+        for _ in range(REST_LOOKS):
+            before = state.poses[name]
+            stamp, state = self._observer.state(self._state_patience, after=stamp + REST_PERIOD)
+            if np.linalg.norm(state.poses[name][:3] - before[:3]) < REST_DISTANCE:
+                break
+        return state
+
+    def _compare(self, job: Job, goal: Goal, pose: np.ndarray) -> None:
+        job.result.position_error, job.result.rotation_error = transforms.distance(goal.pose, pose)
+
+    # status
+
+    def _say(self, job: Job | None, phase: str, text: str, i: int = 0, count: int = 0, attempt: int = 0) -> None:
+        status = PlannerStatus(phase=phase, waypoint=int(i), waypoint_count=int(count), attempt=int(attempt), text=text)
+        status.header.stamp = self.get_clock().now().to_msg()
+        if job is not None:
+            status.elapsed = time.monotonic() - job.began
+            if job.handle.is_active:
+                job.handle.publish_feedback(Manipulate.Feedback(status=status))
+        self._status_topic.publish(status)
+        self.set_status(f"{phase}: {text}" if text else phase)
+
+
+def _tolerance(name: str, value: float, default: float) -> float:
+    if not (np.isfinite(value) and value >= 0.0):
+        raise ConversionError(f"{name} = {value}: must be 0 (the task's) or more")
+    return float(value) or default
+
+
+def main(args: list[str] | None = None) -> int:
+    return run(Supervisor, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,134 @@
+"""Commands to arms and grippers through their actions; waits by events, and a cancel stops the motion."""
+
+import threading
+from collections.abc import Callable
+
+import numpy as np
+from action_msgs.msg import GoalStatus
+from control_msgs.action import FollowJointTrajectory, GripperCommand
+from rclpy.action import ActionClient
+
+from hmap.naming import Naming
+from hmap.node import HmapNode
+from hmap_core.exceptions import Code, ExecutionError, PlannerError
+from hmap_core.types import Scene
+from hmap_msgs_py.times import joint_trajectory_to_message
+
+POLL = 0.05  # s between looks at a cancel
+CANCEL_TIMEOUT = 5.0  # s for a controller to come to rest after a cancel
+
+
+class Command:
+    """A goal that was sent to a controller."""
+
+    def __init__(self, name: str, client: ActionClient, goal):
+        self.name = name
+        self.done = threading.Event()
+        self.status, self.result = GoalStatus.STATUS_UNKNOWN, None
+        self.accepted = False
+        self._handle = None
+        self._cancel = False
+        self._lock = threading.Lock()
+        client.send_goal_async(goal).add_done_callback(self._answered)
+
+    def cancel(self) -> None:
+        """Ask the controller to stop, now or as soon as it has taken the goal."""
+        with self._lock:
+            self._cancel = True
+            handle = self._handle
+        if handle is not None and not self.done.is_set():
+            handle.cancel_goal_async()
+
+    def _answered(self, future) -> None:
+        handle = future.result()
+        if not handle.accepted:
+            self.done.set()
+            return
+        self.accepted = True
+        with self._lock:
+            self._handle = handle
+            cancel = self._cancel
+        if cancel:
+            handle.cancel_goal_async()
+        handle.get_result_async().add_done_callback(self._finished)
+
+    def _finished(self, future) -> None:
+        response = future.result()
+        self.status, self.result = response.status, response.result
+        self.done.set()
+
+
+class Controllers:
+    """The arms and grippers of a scene."""
+
+    def __init__(self, node: HmapNode, naming: Naming, patience: float):
+        """
+        Args:
+            patience: s to wait for a controller that is not there.
+        """
+        self._node, self._naming, self._patience = node, naming, patience
+        self._clients: dict[str, ActionClient] = {}
+
+    def move(self, scene: Scene, robot: str, time: np.ndarray, q: np.ndarray, qd: np.ndarray) -> Command:
+        """Send an arm along samples q (N, n) with velocities qd (N, n) at times (N,) from now."""
+        names = self._naming.arm_joints(robot, scene.robots[robot].model)
+        trajectory = joint_trajectory_to_message(names, time, q, qd)
+        goal = FollowJointTrajectory.Goal(trajectory=trajectory)
+        return self._send(FollowJointTrajectory, self._naming.arm_action(robot), goal)
+
+    def grip(self, robot: str, opening: float, force: float) -> Command:
+        """Send a gripper to an opening (m) with at most ``force`` (N)."""
+        goal = GripperCommand.Goal()
+        goal.command.position, goal.command.max_effort = float(opening), float(force)
+        return self._send(GripperCommand, self._naming.gripper_action(robot), goal)
+
+    def wait(self, commands: list[Command], canceled: Callable[[], bool], limit: float) -> None:
+        """Wait until all have ended.
+
+        Args:
+            canceled: asked while waiting; true stops all commands.
+            limit: s of real time without an end after which a controller is taken to hang.
+
+        Raises:
+            PlannerError: CANCELED; everything stands.
+            ExecutionError: TRACKING_LOST; one failed or hangs, the others were stopped.
+        """
+        left = limit
+        while not all(command.done.is_set() for command in commands):
+            if canceled():
+                self._stop(commands)
+                raise PlannerError("canceled; the motion was stopped", Code.CANCELED)
+            failed = next((c for c in commands if c.done.is_set() and _failure(c)), None)
+            if failed or left <= 0.0:
+                self._stop(commands)
+                reason = _failure(failed) if failed else f"no controller finished within {limit:g} s"
+                raise ExecutionError(reason, Code.TRACKING_LOST)
+            next(c for c in commands if not c.done.is_set()).done.wait(POLL)
+            left -= POLL
+        for command in commands:
+            if reason := _failure(command):
+                raise ExecutionError(reason, Code.TRACKING_LOST)
+
+    def _stop(self, commands: list[Command]) -> None:
+        for command in commands:
+            command.cancel()
+        for command in commands:
+            command.done.wait(CANCEL_TIMEOUT)
+
+    def _send(self, kind: type, name: str, goal) -> Command:
+        if name not in self._clients:
+            self._clients[name] = ActionClient(self._node, kind, name, callback_group=self._node.group)
+        client = self._clients[name]
+        if not client.wait_for_server(self._patience):
+            raise ExecutionError(f"no controller offers the action {name!r}", Code.SERVICE_UNAVAILABLE)
+        return Command(name, client, goal)
+
+
+def _failure(command: Command) -> str:
+    """Why a command that has ended failed; empty where it did not."""
+    if not command.accepted:
+        return f"{command.name} refused the goal"
+    if command.status == GoalStatus.STATUS_SUCCEEDED:
+        return ""
+    detail = getattr(command.result, "error_string", "") or f"status {command.status}"
+    return f"{command.name}: {detail}"

@@ -1,0 +1,110 @@
+"""What the supervisor knows of the world: the scene, the newest state, the clouds; with waiting for news."""
+
+import threading
+import time
+from collections.abc import Callable
+
+from hmap.conversions import cloud_from_message, scene_from_message, state_from_message
+from hmap.node import LATCHED, HmapNode
+from hmap_core.contacts.camera import Cloud
+from hmap_core.exceptions import Code, InputError, PlannerError
+from hmap_core.types import Scene, SceneState
+from hmap_msgs.msg import ObjectClouds, WorldState
+from hmap_msgs.msg import Scene as SceneMessage
+from hmap_msgs_py.times import seconds_from_message
+
+
+class Observer:
+    """Follows ``scene``, ``world_state`` and ``object_clouds``."""
+
+    def __init__(self, node: HmapNode, stale_after: float):
+        """
+        Args:
+            stale_after: s; a state that arrived longer ago is none.
+        """
+        self._node, self._stale_after = node, stale_after
+        self._news = threading.Condition()
+        self._scene: Scene | None = None
+        self._state: tuple[float, SceneState] | None = None  # stamp, state
+        self._arrived = -float("inf")  # on the steady clock
+        self._clouds: dict[str, Cloud] = {}
+        node.subscribe(SceneMessage, "scene", self._take_scene, LATCHED)
+        node.subscribe(WorldState, "world_state", self._take_state)
+        node.subscribe(ObjectClouds, "object_clouds", self._take_clouds, LATCHED)
+
+    def scene(self) -> Scene | None:
+        """The loaded scene, if there is one."""
+        with self._news:
+            return self._scene
+
+    def clouds(self) -> dict[str, Cloud]:
+        """What has been seen of each object."""
+        with self._news:
+            return dict(self._clouds)
+
+    def state(self, patience: float, after: float = -float("inf")) -> tuple[float, SceneState]:
+        """The newest stamp (s) and state; waits for one that is fresh and has a stamp later than ``after``.
+
+        Raises:
+            InputError: STALE_STATE; none came within ``patience`` seconds.
+            PlannerError: CANCELED; the node is being shut down.
+        """
+        until = time.monotonic() + patience
+
+        def fresh() -> bool:
+            new = self._state is not None and self._state[0] > after
+            return new and time.monotonic() - self._arrived <= self._stale_after
+
+        with self._news:
+            self._wait(fresh, until)
+            if not fresh():
+                raise InputError(
+                    f"no fresh world state within {patience:g} s: is perception running, and do its sensors speak?",
+                    Code.STALE_STATE,
+                )
+            return self._state
+
+    def wait_for_scene(self, task: str, seed: int, patience: float) -> Scene:
+        """The scene, once it is that of the task.
+
+        Raises:
+            InputError: STALE_STATE; it did not come.
+        """
+
+        def there() -> bool:
+            return self._scene is not None and (self._scene.task, self._scene.seed) == (task, seed)
+
+        with self._news:
+            self._wait(there, time.monotonic() + patience)
+            if not there():
+                raise InputError(f"the scene of task {task!r}, seed {seed} was not published", Code.STALE_STATE)
+            return self._scene
+
+    def _wait(self, predicate: Callable[[], bool], until: float) -> None:
+        while not predicate() and (left := until - time.monotonic()) > 0.0:
+            if self._node.stopping.is_set():
+                raise PlannerError("the supervisor is shutting down", Code.CANCELED)
+            self._news.wait(min(left, 0.5))
+
+    def _take_scene(self, message: SceneMessage) -> None:
+        scene = scene_from_message(message)
+        with self._news:
+            if self._scene is None or self._scene.bodies.keys() != scene.bodies.keys():
+                self._clouds = {}
+            self._scene, self._state = scene, None  # a state of before may be of other bodies
+            self._news.notify_all()
+
+    def _take_state(self, message: WorldState) -> None:
+        scene = self.scene()
+        if scene is None:
+            return
+        state = state_from_message(scene, message)
+        with self._news:
+            if scene is self._scene:
+                self._state, self._arrived = (seconds_from_message(message.header.stamp), state), time.monotonic()
+                self._news.notify_all()
+
+    def _take_clouds(self, message: ObjectClouds) -> None:
+        clouds = {entry.object: cloud_from_message(entry) for entry in message.clouds}
+        with self._news:
+            self._clouds = {name: cloud for name, cloud in clouds.items() if cloud is not None}

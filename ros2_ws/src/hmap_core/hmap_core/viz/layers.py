@@ -1,0 +1,65 @@
+"""Layers of a picture, each with its depth, laid over each other."""
+
+import numpy as np
+
+from hmap_core.simulation.camera import intrinsics
+from hmap_core.transforms import apply, inverse
+from hmap_core.types import Camera
+
+DEPTH_TOLERANCE = 0.002  # m; nearer together than this, the upper layer is seen
+LIGHT = np.array([-0.4, -0.6, -0.7]) / np.linalg.norm([-0.4, -0.6, -0.7])  # towards the light, camera frame
+AMBIENT = 0.55  # share of a sphere's colour that its dark side keeps
+HIGHLIGHT = 24.0  # sharpness of the bright spot
+
+
+class Canvas:
+    """A picture that is painted from the back to the front.
+
+    Attributes:
+        color: (H, W, 3) in [0, 1].
+        depth: (H, W) m along the optical axis; infinite where there is nothing.
+    """
+
+    def __init__(self, camera: Camera, color: np.ndarray, depth: np.ndarray):
+        self.camera = camera
+        self.color = color.astype(float) / 255.0
+        self.depth = np.where(np.isfinite(depth), depth, np.inf)
+
+    def ghost(self, color: np.ndarray, depth: np.ndarray, mask: np.ndarray, alpha: float, hidden: float) -> None:
+        """Lay a transparent layer over the picture; ``hidden`` is the opacity of what is behind something."""
+        behind = depth > self.depth + DEPTH_TOLERANCE
+        weight = np.where(mask, np.where(behind, hidden, alpha), 0.0)[:, :, None]
+        self.color = (1.0 - weight) * self.color + weight * color
+
+    def outline(self, mask: np.ndarray, color, width: int) -> None:
+        """Draw the edge of a mask."""
+        inner = mask.copy()
+        for _ in range(width):
+            shrunk = inner.copy()
+            shrunk[1:] &= inner[:-1]
+            shrunk[:-1] &= inner[1:]
+            shrunk[:, 1:] &= inner[:, :-1]
+            shrunk[:, :-1] &= inner[:, 1:]
+            inner = shrunk
+        self.color[mask & ~inner] = color
+
+    def sphere(self, center: np.ndarray, radius: float, color, hidden: float) -> None:
+        """Draw a sphere (world frame, m), with the opacity ``hidden`` where it is behind something."""
+        K = intrinsics(self.camera)
+        x, y, z = apply(inverse(self.camera.pose), center)
+        if z <= radius:
+            return
+        u, v, r = K[0, 0] * x / z + K[0, 2], K[1, 1] * y / z + K[1, 2], K[0, 0] * radius / z
+        rows = slice(max(0, int(v - r)), min(self.color.shape[0], int(v + r) + 2))
+        columns = slice(max(0, int(u - r)), min(self.color.shape[1], int(u + r) + 2))
+        V, U = np.mgrid[rows, columns]
+        if U.size == 0:
+            return
+        nx, ny = (U - u) / r, (V - v) / r
+        inside = nx**2 + ny**2 <= 1.0
+        nz = -np.sqrt(np.clip(1.0 - nx**2 - ny**2, 0.0, None))
+        lit = np.clip(nx * LIGHT[0] + ny * LIGHT[1] + nz * LIGHT[2], 0.0, None)
+        shaded = (AMBIENT + (1.0 - AMBIENT) * lit)[:, :, None] * np.asarray(color) + (0.6 * lit**HIGHLIGHT)[:, :, None]
+        behind = z + radius * nz > self.depth[rows, columns] + DEPTH_TOLERANCE
+        weight = np.where(inside, np.where(behind, hidden, 1.0), 0.0)[:, :, None]
+        self.color[rows, columns] = (1.0 - weight) * self.color[rows, columns] + weight * shaded.clip(0.0, 1.0)
