@@ -1,7 +1,7 @@
 """Where compiled code is kept: one folder per state of the sources.
 
-Numba notices a change in the file of a compiled function, but not in the functions that it calls in other files. A folder
-named by the hash of all sources makes sure that what runs is what is written.
+Numba notices a change in the file of a compiled function, but not in the functions that it calls in other files. A
+folder named by the hash of all of them makes sure that what runs is what is written.
 """
 
 import hashlib
@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 VARIABLE = "NUMBA_CACHE_DIR"
+COMPILED = (b"njit", b"cfunc", b"intrinsic", b"namedtuple")  # marks of a source whose code or types are compiled
 
 
 def cache_root() -> Path:
@@ -19,12 +20,14 @@ def cache_root() -> Path:
 
 
 def source_hash() -> str:
-    """Hash of every Python source of this package."""
+    """Hash of the sources of this package that are compiled, or whose types are."""
     folder = Path(__file__).parent
     digest = hashlib.sha256()
     for file in sorted(folder.rglob("*.py")):
-        digest.update(file.relative_to(folder).as_posix().encode())
-        digest.update(file.read_bytes())
+        source = file.read_bytes()
+        if any(mark in source for mark in COMPILED):
+            digest.update(file.relative_to(folder).as_posix().encode())
+            digest.update(source)
     return digest.hexdigest()[:16]
 
 

@@ -8,6 +8,8 @@ from hmap_core.kinematics.arm import Arm
 from hmap_core.kinematics.chain import Chain
 from hmap_core.transforms import from_matrix, to_matrix
 
+LIMIT_MARGIN = 0.02  # rad or m kept from the joint limits, for the curve between the steps of a path
+
 
 @dataclass(frozen=True)
 class PlacedArm:
@@ -47,8 +49,8 @@ class KinematicModel:
             np.ascontiguousarray(p),
             np.concatenate([placed.arm.prismatic for placed in arms]),
             np.array(first, np.int64),
-            np.concatenate([limit[0] for limit in limits]),
-            np.concatenate([limit[1] for limit in limits]),
+            np.concatenate([limit[0] + LIMIT_MARGIN for limit in limits]),
+            np.concatenate([limit[1] - LIMIT_MARGIN for limit in limits]),
             np.concatenate([placed.arm.reach() for placed in arms]),
         )
 

@@ -55,7 +55,7 @@ class Planner:
         self.clouds = dict(clouds or {})
         self._progress = progress or (lambda progress: None)
         self._canceled = canceled or (lambda: False)
-        self.last_failure = "nothing was tried yet"
+        self.last_failure, self.last_code = "nothing was tried yet", Code.NO_MOTION
         self.counts = {"waypoint_plans": 0, "contact_proposals": 0, "contact_tries": 0}
 
     def plan(self) -> Plan:
@@ -69,11 +69,12 @@ class Planner:
             )
             self.counts["waypoint_plans"] += 1
             found = self._segments(goal, path.poses)
-            if found is not None:
-                return self._finished(*found)
+            plan = self._finished(*found) if found is not None else None
+            if plan is not None:
+                return plan
         raise PlannerError(
             f"no plan after {WAYPOINT_ROUNDS} object paths of '{goal.object}'; last: {self.last_failure}",
-            Code.NO_MOTION,
+            self.last_code,
         )
 
     def _segments(self, goal: Goal, poses: np.ndarray) -> tuple[list[SegmentMotion], np.ndarray] | None:
@@ -103,7 +104,7 @@ class Planner:
                     self._seed(), self._time_left(),
                 )  # fmt: skip
             except ContactError as error:
-                self.last_failure = str(error)
+                self.last_failure, self.last_code = str(error), error.code
                 return None
             self.counts["contact_proposals"] += 1
             for contact in contacts:
@@ -123,10 +124,11 @@ class Planner:
                 self.scene, state, object, contact, poses, self._seed(), self._time_left()
             )
         except MotionError as error:
-            self.last_failure = str(error)
+            self.last_failure, self.last_code = str(error), error.code
             return None
 
-    def _finished(self, motions: list[SegmentMotion], waypoints: np.ndarray) -> Plan:
+    def _finished(self, motions: list[SegmentMotion], waypoints: np.ndarray) -> Plan | None:
+        """The plan, once the judge has accepted it; None when it has not."""
         planning_time = time.monotonic() - self.began
         kinds = [s.kind for m in motions for s in m.segments]
         stats = {
@@ -141,11 +143,12 @@ class Planner:
         report = check(to_dict(plan))
         if not report.valid:
             worst = report.violations[0]
-            raise PlannerError(
+            self.last_code = Code.PLAN_REJECTED
+            self.last_failure = (
                 f"the judge rejects the plan: {worst.kind} of {', '.join(worst.bodies)} at {worst.time:.2f} s, "
-                f"{worst.amount:.4g} where {worst.limit:.4g} is allowed",
-                Code.PLAN_REJECTED,
+                f"{worst.amount:.4g} where {worst.limit:.4g} is allowed"
             )
+            return None
         self._report("done", len(waypoints), len(waypoints), text=f"planned in {planning_time:.2f} s")
         return plan
 

@@ -28,6 +28,7 @@ from hmap_core.types import Scene, SceneState, Segment, SegmentKind, Trajectory
 SAMPLE_PERIOD = 0.02  # s between two samples of a plan
 JOINT_STEP = 0.2  # rad between two steps of a transit, about
 TRANSIT_STEPS = (8, 24)  # least and most
+LIMIT_SAMPLES = 10  # per step of a path, at which the joint limits are verified
 HOME_STEPS = 100  # points of a searched way home
 HOLD_STEP = (0.04, 0.15)  # m, rad between two steps of a hold, about
 VERIFY_STEP = 0.001  # m any point may move between two verified configurations
@@ -216,6 +217,13 @@ class _Segment:
             "carrying": _violation(self.manipulation, cols, carrying, bit(Phase.HOLD) | CARRIED),
             "leaving": _violation(self.manipulation, cols, leaving, bit(Phase.RETREAT)),
         }
+        limits = self.scene.robots[self.robot].model.position_limits
+        for part in (coming, carrying, leaving):
+            curve = spline(part)
+            samples = curve(np.linspace(0.0, curve.x[-1], LIMIT_SAMPLES * len(part)))
+            excess = np.maximum(limits[0] - samples, samples - limits[1]).max(axis=0)
+            if excess.max() > 0.0:
+                return f"joint {int(excess.argmax()) + 1} exceeds its limit by {excess.max():.2g} between steps"
         return ", ".join(
             f"{what}, {' and '.join(problem.collisions.pair_name(pair))} are {v * 1e3:.1f} mm too close between steps"
             for what, (v, pair) in found.items()
