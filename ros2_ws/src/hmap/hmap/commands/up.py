@@ -53,7 +53,10 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.task.endswith((".yaml", ".yml")):
         arguments.task = str(Path(arguments.task).expanduser().absolute())
     if scene.mode == KINEMATIC and not arguments.plan_only:
-        print(f"{arguments.task} is a kinematic task, which no real contact can execute: it is only planned", file=sys.stderr)
+        print(
+            f"{arguments.task} is a kinematic task, which no real contact can execute: it is only planned",
+            file=sys.stderr,
+        )
         arguments.plan_only = True
     folder = output_folder(arguments.out, arguments.task, arguments.seed)
     stop = threading.Event()

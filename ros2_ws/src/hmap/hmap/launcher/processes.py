@@ -14,7 +14,11 @@ from hmap.environment import ros_environment
 from hmap_core.exceptions import ExecutionError, InputError
 
 RESPAWNABLE = ("perception", "waypoint_planner", "contact_proposer", "komo_optimiser")  # keep no state of their own
-CLOCKED = ("perception", "supervisor", "recorder")  # what they write has stamps; following the clock costs the others time
+CLOCKED = (
+    "perception",
+    "supervisor",
+    "recorder",
+)  # what they write has stamps; following the clock costs the others time
 MAX_STARTS = 5  # of one node
 WATCH_PERIOD = 0.2  # s
 END_TIMEOUT = 10.0  # s for a node to end after SIGINT, and again after SIGTERM

@@ -5,10 +5,10 @@ import time
 from collections.abc import Callable
 
 import rclpy
-from rclpy.action import ActionClient
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
+from hmap.action_client import ActionClient
 from hmap_core.exceptions import Code, PlannerError
 from hmap_msgs.action import Manipulate
 from hmap_msgs.msg import PlannerStatus, WorldState
@@ -30,12 +30,12 @@ class Session:
 
     def __enter__(self) -> "Session":
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node("hmap_up")
-        self._client = ActionClient(self._node, Manipulate, "manipulate")
+        self.node = rclpy.create_node("hmap_up")
+        self._client = ActionClient(self.node, Manipulate, "manipulate")
         self._has_state = threading.Event()
-        self._node.create_subscription(WorldState, "world_state", lambda _: self._has_state.set(), 1)
+        self.node.create_subscription(WorldState, "world_state", lambda _: self._has_state.set(), 1)
         self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self._node)
+        self._executor.add_node(self.node)
         self._thread = threading.Thread(target=self._spin, name="session", daemon=True)
         self._thread.start()
         return self
@@ -44,7 +44,7 @@ class Session:
         self._executor.shutdown()
         self._thread.join()
         self._client.destroy()
-        self._node.destroy_node()
+        self.node.destroy_node()
         rclpy.shutdown()
 
     def _spin(self) -> None:
@@ -59,11 +59,11 @@ class Session:
 
     def up(self, names) -> list[str]:
         """Those of the nodes that are ready for work."""
-        services = {name.rpartition("/")[2] for name, _ in self._node.get_service_names_and_types()}
+        services = {name.rpartition("/")[2] for name, _ in self.node.get_service_names_and_types()}
         ready = {
             "perception": self._has_state.is_set(),
             "supervisor": self._client.server_is_ready(),
-            "recorder": "recorder" in self._node.get_node_names(),
+            "recorder": "recorder" in self.node.get_node_names(),
         }
         ready |= {node: service in services for node, service in SERVICES.items()}
         return [name for name in names if ready.get(name, False)]

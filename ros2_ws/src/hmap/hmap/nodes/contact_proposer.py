@@ -1,6 +1,7 @@
 """The node ``contact_proposer``: contacts on an object (Algorithm 3), as a service; asks komo_optimiser what is feasible."""
 
 import sys
+import time
 
 from hmap.conversions import (
     cloud_from_message,
@@ -27,7 +28,7 @@ class RemoteFeasibility(LocalBackend):
 
     def __init__(self, caller: Caller, limit: float):
         super().__init__()
-        self._caller, self._limit = caller, limit
+        self._remote, self._until = caller, time.monotonic() + limit
 
     def check_contacts(self, scene: Scene, state, object, object_poses, robot, contacts, rng):
         if not len(contacts):
@@ -40,7 +41,8 @@ class RemoteFeasibility(LocalBackend):
             object_poses=poses_to_messages(object_poses),
             seed=int(rng.integers(MAX_SEED)),
         )
-        response = self._caller.call(CheckContacts, "check_contacts", request, self._limit)
+        left = max(0.0, self._until - time.monotonic())
+        response = self._remote.call(CheckContacts, "check_contacts", request, left)
         results = zip(contacts, response.results, strict=True)
         found = [feasible_contact(scene, robot, contact, result) for contact, result in results if result.feasible]
         return sorted(found, key=lambda c: (-c.reach, -c.contact.score))
@@ -54,13 +56,14 @@ class ContactProposer(HmapNode):
         self._time_limit = self.parameter("time_limit", 30.0, "s, of a request that names none", 0.01, 3600.0)
         self._count = self.parameter("count", 40, "contacts at most, of a request that names no number", 1, 10000)
         patience = self.parameter("service_patience", 20.0, "s to wait for a service that is away", 0.0, 3600.0)
-        self._backend = RemoteFeasibility(Caller(self, patience), self._time_limit)
+        self._remote = Caller(self, patience)
         self.serve(ProposeContacts, "propose_contacts", self._propose)
 
     def _propose(self, request: ProposeContacts.Request, response: ProposeContacts.Response) -> None:
         scene, state = scene_and_state(request)
         name = known_object(scene, request.object)
-        found = self._backend.propose_contacts(
+        limit = time_limit(request, self._time_limit)
+        found = RemoteFeasibility(self._remote, limit).propose_contacts(
             scene,
             state,
             name,
@@ -69,7 +72,7 @@ class ContactProposer(HmapNode):
             cloud_from_message(request.cloud),
             int(request.count) or self._count,
             int(request.seed),
-            time_limit(request, self._time_limit),
+            limit,
         )
         response.contacts = [contact_to_message(contact, name) for contact in found]
 

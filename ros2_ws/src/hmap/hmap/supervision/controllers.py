@@ -6,8 +6,8 @@ from collections.abc import Callable
 import numpy as np
 from action_msgs.msg import GoalStatus
 from control_msgs.action import FollowJointTrajectory, GripperCommand
-from rclpy.action import ActionClient
 
+from hmap.action_client import ActionClient
 from hmap.naming import Naming
 from hmap.node import HmapNode
 from hmap_core.exceptions import Code, ExecutionError, PlannerError

@@ -1,4 +1,4 @@
-"""The picture of a plan: robots where they make contact, the object's ghosts, waypoints red, contacts yellow."""
+"""The picture of a plan: robots at the first contact, their ghosts at the others, waypoints red, contacts yellow."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +14,7 @@ from hmap_core.types import Camera, Plan, Segment, SegmentKind
 from hmap_core.viz.layers import Canvas
 from hmap_core.viz.view import camera_for
 
-WIDTH, HEIGHT = 1200, 700  # pixels
+WIDTH, HEIGHT = 1000, 560  # pixels
 OVERSAMPLING = 2  # pixels rendered for each one shown, along each axis
 SPHERE_RADIUS = 0.014  # m
 RED, YELLOW, GREEN = (0.86, 0.12, 0.12), (1.0, 0.82, 0.05), (0.1, 0.62, 0.25)
@@ -61,12 +61,9 @@ def _contact_point(plan: Plan, segment: Segment) -> np.ndarray:
     return transforms.multiply(plan.trajectory.objects[segment.object][k], segment.contact_pose)[:3]
 
 
-def _moments(plan: Plan) -> dict[str, list[int]]:
-    """Robot -> samples at which it makes contact; its start where it never does."""
-    moments: dict[str, list[int]] = {name: [] for name in plan.scene.robots}
-    for segment in _contacts(plan):
-        moments[segment.robot].append(index_at(plan.trajectory.time, segment.start))
-    return {name: samples or [0] for name, samples in moments.items()}
+def _moment(plan: Plan, segment: Segment) -> int:
+    """The sample at which a contact is made."""
+    return index_at(plan.trajectory.time, segment.start)
 
 
 def _place(plan: Plan, world: SimulatedWorld, robot: str, sample: int) -> None:
@@ -75,23 +72,25 @@ def _place(plan: Plan, world: SimulatedWorld, robot: str, sample: int) -> None:
 
 
 def _base(plan: Plan, camera: Camera) -> Canvas:
-    """The scene at its start, each robot at its first contact."""
+    """The scene at the first contact."""
+    sample = _moment(plan, _contacts(plan)[0]) if _contacts(plan) else 0
     with SimulatedWorld(plan.scene) as world:
-        for name, samples in _moments(plan).items():
-            _place(plan, world, name, samples[0])
+        for name in plan.scene.robots:
+            _place(plan, world, name, sample)
+        for name, poses in plan.trajectory.objects.items():
+            world.move_body(name, poses[sample])
         image = world.render(camera)
     return Canvas(camera, image.color, image.depth)
 
 
 def _robot_ghosts(plan: Plan, camera: Camera, canvas: Canvas) -> None:
-    """Every robot at its further contacts."""
-    for name, samples in _moments(plan).items():
-        alone = replace(plan.scene, bodies={}, robots={name: plan.scene.robots[name]})
+    """The robots at their further contacts."""
+    for segment in _contacts(plan)[1:]:
+        alone = replace(plan.scene, bodies={}, robots={segment.robot: plan.scene.robots[segment.robot]})
         with SimulatedWorld(alone) as world:
-            for sample in samples[1:]:
-                _place(plan, world, name, sample)
-                image = world.render(camera)
-                canvas.ghost(image.color / 255.0, image.depth, image.mask > 0, ROBOT_ALPHA, ROBOT_HIDDEN)
+            _place(plan, world, segment.robot, _moment(plan, segment))
+            image = world.render(camera)
+            canvas.ghost(image.color / 255.0, image.depth, image.mask > 0, ROBOT_ALPHA, ROBOT_HIDDEN)
 
 
 def _object_ghosts(plan: Plan, camera: Camera, canvas: Canvas) -> None:

@@ -6,7 +6,7 @@ from hmap_core import transforms
 from hmap_core.types import Camera, Plan
 
 ELEVATION = np.deg2rad(38.0)
-TWIST = np.deg2rad(-18.0)  # off the line from the robots to the work, so that depth can be seen
+TWIST = np.deg2rad(-12.0)  # off the line from the robots to the work, so that depth can be seen
 FOV_Y = np.deg2rad(30.0)
 ROBOT_HEIGHT = 0.55  # m; the robots are in the picture up to here
 MARGIN = 1.06  # of the distance at which everything just fits

@@ -1,0 +1,44 @@
+"""The whole graph on a native ROS installation: ``ros2 launch hmap hmap.launch.py task:=tunnel seed:=0``.
+
+Then send a goal: ``ros2 action send_goal --feedback manipulate hmap_msgs/action/Manipulate "{}"``.
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition, UnlessCondition
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+PLANNERS = ("waypoint_planner", "contact_proposer", "komo_optimiser")
+ARGUMENTS = {
+    "task": ("tunnel", "name of a task, or path of a task file"),
+    "seed": ("0", "of its randomisation"),
+    "simulate": ("true", "start the simulated world; false with real robots"),
+    "real_time_factor": ("4.0", "speed of the simulation"),
+    "record": ("true", "write a bag"),
+    "bag": ("bag", "folder of the bag; must not exist yet"),
+}
+
+
+def generate_launch_description() -> LaunchDescription:
+    """All nodes; planners that die are started again."""
+    value = {name: LaunchConfiguration(name) for name in ARGUMENTS}
+    scene = {"task": ParameterValue(value["task"], value_type=str), "seed": ParameterValue(value["seed"], value_type=int)}
+    clock = {"use_sim_time": ParameterValue(value["simulate"], value_type=bool)}
+    speed = {"real_time_factor": ParameterValue(value["real_time_factor"], value_type=float)}
+    bag = {"path": ParameterValue(value["bag"], value_type=str)}
+    nodes = [
+        _node("world", [scene, speed], condition=IfCondition(value["simulate"])),
+        _node("perception", [clock], condition=IfCondition(value["simulate"])),
+        _node("perception", [clock, scene], condition=UnlessCondition(value["simulate"])),
+        _node("recorder", [clock, bag], condition=IfCondition(value["record"])),
+        _node("supervisor", [clock]),
+        *[_node(name, [], respawn=True) for name in PLANNERS],
+    ]
+    declared = [DeclareLaunchArgument(name, default_value=d, description=text) for name, (d, text) in ARGUMENTS.items()]
+    return LaunchDescription([*declared, *nodes])
+
+
+def _node(name: str, parameters: list, **more) -> Node:
+    return Node(package="hmap", executable=name, name=name, parameters=parameters, output="screen", **more)
