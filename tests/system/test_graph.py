@@ -12,7 +12,16 @@ from hmap_core.exceptions import Code
 from hmap_core.scenes import load_scene
 from hmap_msgs.action import Manipulate
 from hmap_msgs.msg import Body, Scene, WorldState
-from hmap_msgs.srv import AddBody, CheckContacts, GetScene, LoadScene, MoveBody, PlanWaypoints, ProposeContacts, SolveSegment
+from hmap_msgs.srv import (
+    AddBody,
+    CheckContacts,
+    GetScene,
+    LoadScene,
+    MoveBody,
+    PlanWaypoints,
+    ProposeContacts,
+    SolveSegment,
+)
 from hmap_msgs_py.poses import pose_to_message
 
 TIME_LIMIT = 240.0  # s for planning on a busy machine
@@ -98,7 +107,7 @@ def requests(world):
     unknown = proposing(**good, object_poses=poses, robots=["r2d2"])
     yield ProposeContacts, "propose_contacts", unknown, Code.UNKNOWN_ROBOT
     yield CheckContacts, "check_contacts", CheckContacts.Request(**good), Code.INVALID_INPUT
-    yield SolveSegment, "solve_segment", SolveSegment.Request(**good, object_poses=poses), Code.INVALID_INPUT
+    yield SolveSegment, "solve_segment", SolveSegment.Request(**good, object_poses=poses), Code.UNKNOWN_ROBOT
     yield LoadScene, "load_scene", LoadScene.Request(task="nix"), Code.UNKNOWN_TASK
     yield LoadScene, "load_scene", LoadScene.Request(text="{}"), Code.INVALID_SCENE
     yield MoveBody, "move_body", MoveBody.Request(name="nix", pose=poses[0]), Code.UNKNOWN_OBJECT

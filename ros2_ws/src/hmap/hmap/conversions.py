@@ -1,4 +1,4 @@
-"""The planner's types <-> messages, on top of hmap_msgs_py; what comes in is checked against the scene it belongs to."""
+"""The planner's types <-> messages, on top of hmap_msgs_py; what comes in is checked against its scene."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -124,11 +124,19 @@ class HmapNode(Node):
         self._diagnostics.publish(message)
 
 
+class DrainedExecutor(MultiThreadedExecutor):
+    """rclpy's executor does not wait for callbacks under way when it is shut down; this one can."""
+
+    def drain(self) -> None:
+        """Wait for them; to be called once it does not spin any more."""
+        self._executor.shutdown(wait=True)
+
+
 def run(make_node: Callable[[], HmapNode], args: list[str] | None = None) -> int:
     """Run a node until SIGINT or SIGTERM; the exit code.
 
-    rclpy's own signal handlers would shut the context down under running callbacks; here the order is: callbacks let go,
-    executor, node, context.
+    rclpy's own signal handlers would shut the context down under running callbacks; here the order is: callbacks let
+    go, executor, node, context.
     """
     os.environ.update(ros_environment())
     stop = threading.Event()
@@ -145,7 +153,7 @@ def run(make_node: Callable[[], HmapNode], args: list[str] | None = None) -> int
         traceback.print_exc()
         rclpy.shutdown()
         return NO
-    executor = MultiThreadedExecutor(THREADS)
+    executor = DrainedExecutor(THREADS)
     executor.add_node(node)
     spinner = threading.Thread(target=_spin, args=(executor, node), name="executor")
     spinner.start()
@@ -154,12 +162,13 @@ def run(make_node: Callable[[], HmapNode], args: list[str] | None = None) -> int
     node.close()
     executor.shutdown()
     spinner.join()
+    executor.drain()
     node.destroy_node()
     rclpy.shutdown()
     return YES
 
 
-def _spin(executor: MultiThreadedExecutor, node: HmapNode) -> None:
+def _spin(executor: DrainedExecutor, node: HmapNode) -> None:
     while not node.stopping.is_set():
         try:
             executor.spin()

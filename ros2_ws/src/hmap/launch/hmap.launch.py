@@ -24,7 +24,10 @@ ARGUMENTS = {
 def generate_launch_description() -> LaunchDescription:
     """All nodes; planners that die are started again."""
     value = {name: LaunchConfiguration(name) for name in ARGUMENTS}
-    scene = {"task": ParameterValue(value["task"], value_type=str), "seed": ParameterValue(value["seed"], value_type=int)}
+    scene = {
+        "task": ParameterValue(value["task"], value_type=str),
+        "seed": ParameterValue(value["seed"], value_type=int),
+    }
     clock = {"use_sim_time": ParameterValue(value["simulate"], value_type=bool)}
     speed = {"real_time_factor": ParameterValue(value["real_time_factor"], value_type=float)}
     bag = {"path": ParameterValue(value["bag"], value_type=str)}

@@ -1,5 +1,7 @@
 """The picture of a plan shows what it should, where it should."""
 
+from dataclasses import replace
+
 import matplotlib.image
 import numpy as np
 import plan_fixtures
@@ -19,8 +21,6 @@ WIDTH, HEIGHT = 240, 140
 
 @pytest.fixture(scope="module")
 def plan():
-    from dataclasses import replace
-
     box = sim.box("box", (0.06, 0.06, 0.06), (0.5, -0.1, 0.03))
     scene = sim.scene(box, goal=Goal("box", transforms.pose((0.5, 0.2, 0.03))))
     plan = plan_fixtures.drag_plan(scene, "box", 0.06, np.array([0.0, 0.3, 0.0]))

@@ -14,9 +14,7 @@ HELP = "run one node in the foreground"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("node", metavar="NODE", help=", ".join(nodes()))
-    parser.add_argument(
-        "rest", nargs=argparse.REMAINDER, metavar="...", help="for ROS, such as --ros-args -p task:=tunnel"
-    )
+    parser.add_argument("rest", nargs=argparse.REMAINDER, metavar="...", help="for ROS: --ros-args -p task:=tunnel")
 
 
 def run(arguments: argparse.Namespace) -> int:

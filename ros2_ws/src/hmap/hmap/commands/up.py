@@ -29,13 +29,9 @@ class Stopped(Exception):
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "task", metavar="TASK", help="a name that `hmap tasks` lists, or the path of a task file (.yaml)"
-    )
+    parser.add_argument("task", metavar="TASK", help="a name of `hmap tasks`, or a task file (.yaml)")
     seed_argument(parser)
-    parser.add_argument(
-        "--out", type=Path, default=Path("runs"), metavar="DIR", help="where the run's folder is made (runs)"
-    )
+    parser.add_argument("--out", type=Path, default=Path("runs"), metavar="DIR", help="of the runs' folders (runs)")
     limit = f"for planning ({DEFAULT_TIME_LIMIT:g})"
     parser.add_argument("--time-limit", type=positive, default=DEFAULT_TIME_LIMIT, metavar="SECONDS", help=limit)
     speed = "simulated seconds per second while a robot moves (4); 0: as fast as possible"

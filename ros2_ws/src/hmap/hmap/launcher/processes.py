@@ -18,7 +18,7 @@ CLOCKED = (
     "perception",
     "supervisor",
     "recorder",
-)  # what they write has stamps; following the clock costs the others time
+)  # their messages have stamps; others save time
 MAX_STARTS = 5  # of one node
 WATCH_PERIOD = 0.2  # s
 END_TIMEOUT = 10.0  # s for a node to end after SIGINT, and again after SIGTERM

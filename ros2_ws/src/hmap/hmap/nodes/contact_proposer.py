@@ -1,4 +1,4 @@
-"""The node ``contact_proposer``: contacts on an object (Algorithm 3), as a service; asks komo_optimiser what is feasible."""
+"""The node ``contact_proposer``: contacts on an object (Algorithm 3); asks komo_optimiser what is feasible."""
 
 import sys
 import time

@@ -1,4 +1,4 @@
-"""The node ``komo_optimiser``: feasibility of contacts in batches, and segment motions. Several may run side by side."""
+"""The node ``komo_optimiser``: feasibility of contacts in batches, segment motions. Several may run side by side."""
 
 import sys
 

@@ -66,7 +66,9 @@ class Recorder(HmapNode):
 
     def _discover(self) -> None:
         for topic, kinds in self.get_topic_names_and_types():
-            if topic not in self._topics and any(pattern.fullmatch(topic) for pattern in self._wanted):
+            # without a publisher one cannot know how to subscribe
+            chosen = topic not in self._topics and any(pattern.fullmatch(topic) for pattern in self._wanted)
+            if chosen and self.count_publishers(topic):
                 self._topics.add(topic)
                 self._record(topic, kinds[0])
         self.set_status("recording", topics=len(self._topics), messages=self._count)
@@ -96,7 +98,7 @@ class Recorder(HmapNode):
         """What every publisher of the topic can serve."""
         offered = [info.qos_profile for info in self.get_publishers_info_by_topic(topic)]
         reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
-        latched = bool(offered) and all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
+        latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
         return QoSProfile(
             depth=DEPTH,
             reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,

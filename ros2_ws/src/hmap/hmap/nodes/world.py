@@ -1,4 +1,4 @@
-"""The node ``world``: the scene under dynamics, with the topics, actions and services of the hardware it stands in for."""
+"""The node ``world``: the scene under dynamics, with the topics and actions of the hardware it stands in for."""
 
 import sys
 import time

@@ -99,7 +99,7 @@ class Follower:
         distance, angle = transforms.distance(planned, state.poses[name])
         if distance > LOST_POSITION or angle > LOST_ANGLE:
             raise ExecutionError(
-                f"{name!r} is {distance:.3f} m and {np.rad2deg(angle):.0f} deg from where the plan has it at "
-                f"{plan.trajectory.time[sample]:.2f} s; {LOST_POSITION} m and {np.rad2deg(LOST_ANGLE):.0f} deg are allowed",
+                f"{name!r} is {distance:.3f} m and {np.rad2deg(angle):.0f} deg off the plan at "
+                f"{plan.trajectory.time[sample]:.2f} s; {LOST_POSITION} m, {np.rad2deg(LOST_ANGLE):.0f} deg are allowed",
                 Code.OBJECT_DROPPED,
             )

@@ -1,4 +1,4 @@
-"""The thread that owns the simulation: steps it at a chosen speed, drives the controllers, and takes calls in between."""
+"""The thread that owns the simulation: steps it, drives the controllers, and takes calls in between."""
 
 import queue
 import threading

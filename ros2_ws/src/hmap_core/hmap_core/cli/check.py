@@ -50,9 +50,8 @@ def _print(report) -> None:
     print("valid" if report.valid else "not valid")
     for violation in report.violations:
         bodies = ", ".join(violation.bodies)
-        print(
-            f"  {violation.time:8.3f} s  {violation.kind}  {bodies}: {violation.amount:.4g}, limit {violation.limit:.4g}"
-        )
+        measured = f"{violation.amount:.4g}, limit {violation.limit:.4g}"
+        print(f"  {violation.time:8.3f} s  {violation.kind}  {bodies}: {measured}")
     error = report.goal_error
     print(f"goal error      {error['position_m'] * 1e3:.2f} mm, {error['rotation_deg']:.2f} deg")
     if report.min_clearance_m is not None:

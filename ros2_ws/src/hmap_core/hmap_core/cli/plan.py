@@ -13,9 +13,7 @@ DEFAULT_TIME_LIMIT = 60.0  # s
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "task", metavar="TASK", help="a name that `hmap tasks` lists, or the path of a task file (.yaml)"
-    )
+    parser.add_argument("task", metavar="TASK", help="a name of `hmap tasks`, or a task file (.yaml)")
     seed_argument(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="the plan file (TASK-SEED.json)")
     limit = f"for planning ({DEFAULT_TIME_LIMIT:g})"

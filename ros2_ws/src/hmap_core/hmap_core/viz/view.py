@@ -27,9 +27,7 @@ def camera_for(plan: Plan, width: int, height: int) -> Camera:
         forward = forward - line * (forward @ line)
     forward = forward / np.linalg.norm(forward) if np.linalg.norm(forward) > MIN_LEVER else np.array([0.0, -1.0, 0.0])
     azimuth = np.arctan2(forward[1], forward[0]) + TWIST
-    outward = np.array(
-        [np.cos(ELEVATION) * np.cos(azimuth), np.cos(ELEVATION) * np.sin(azimuth), np.sin(ELEVATION)]
-    )
+    outward = np.array([np.cos(ELEVATION) * np.cos(azimuth), np.cos(ELEVATION) * np.sin(azimuth), np.sin(ELEVATION)])
     R = _rotation(-outward)
     local = (points - center) @ R
     tan = np.tan(0.5 * FOV_Y) * np.array([width / height, 1.0])

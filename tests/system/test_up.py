@@ -1,0 +1,139 @@
+"""``hmap up`` as a user starts it: the tunnel is planned and executed, recorded, and everything ends."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from hmap.launcher.session import SERVICES
+from hmap_core.cli import main
+
+LIMIT = 400.0  # s on a busy machine
+RECORDED = {
+    "/joint_states": "sensor_msgs/msg/JointState",
+    "/world_state": "hmap_msgs/msg/WorldState",
+    "/plan": "hmap_msgs/msg/Plan",
+    "/object_clouds": "hmap_msgs/msg/ObjectClouds",
+    "/scene": "hmap_msgs/msg/Scene",
+    "/markers": "visualization_msgs/msg/MarkerArray",
+    "/planner_status": "hmap_msgs/msg/PlannerStatus",
+    "/clock": "rosgraph_msgs/msg/Clock",
+}
+# Reads a bag with nothing of hmap and ROS within reach: only the definitions in the bag say what is in it.
+READER = """
+import json, sys
+from pathlib import Path
+for name in ("rclpy", "hmap", "hmap_core", "hmap_msgs", "hmap_msgs_py"):
+    sys.modules[name] = None
+from rosbags.highlevel import AnyReader
+counts, joints = {}, set()
+with AnyReader([Path(sys.argv[1])]) as reader:
+    for connection, _, raw in reader.messages():
+        message = reader.deserialize(raw, connection.msgtype)
+        counts[connection.topic] = counts.get(connection.topic, 0) + 1
+        if connection.topic == "/plan":
+            joints = {path.robot for path in message.trajectory.robots}
+    types = {connection.topic: connection.msgtype for connection in reader.connections}
+print(json.dumps({"counts": counts, "types": types, "robots": sorted(joints)}))
+"""
+
+
+def command(*arguments: str) -> list[str]:
+    return [str(Path(sys.executable).with_name("hmap")), *arguments]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A run of the tunnel: its folder and what came of the process."""
+    out = tmp_path_factory.mktemp("runs")
+    done = subprocess.run(
+        command("up", "tunnel", "--seed", "1", "--out", str(out), "--speed", "0"),
+        capture_output=True,
+        text=True,
+        timeout=LIMIT,
+    )
+    (folder,) = out.iterdir()
+    return folder, done
+
+
+@pytest.mark.slow
+def test_the_tunnel_is_solved(run):
+    _, done = run
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[0] == "solved (executed)"
+    found = {line[:16].strip() for line in lines[1:]}
+    wanted = {"waypoints", "contacts", "mode switches", "planning time", "final error", "plan", "picture", "bag"}
+    assert found >= wanted
+
+
+@pytest.mark.slow
+def test_progress_names_the_phases(run):
+    _, done = run
+    for phase in ("starting", "up", "waypoints", "contacts", "motion", "execution"):
+        assert f"] {phase}" in done.stderr
+
+
+@pytest.mark.slow
+def test_the_plan_passes_the_judge_and_is_executed_without_ros(run, capsys):
+    folder, _ = run
+    assert main(["check", str(folder / "plan.json"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["valid"] is True
+    assert main(["execute", str(folder / "plan.json"), "--json"]) == 0
+
+
+@pytest.mark.slow
+def test_the_bag_opens_without_hmap_and_holds_the_run(run):
+    folder, _ = run
+    read = subprocess.run(
+        [sys.executable, "-I", "-c", READER, str(folder / "bag")], capture_output=True, text=True, timeout=LIMIT
+    )
+    assert read.returncode == 0, read.stderr
+    bag = json.loads(read.stdout)
+    for topic, kind in RECORDED.items():
+        assert bag["types"].get(topic) == kind
+        assert bag["counts"].get(topic, 0) > 0, f"nothing on {topic}"
+    assert bag["robots"] == ["panda_1", "panda_2"]
+
+
+@pytest.mark.slow
+def test_every_log_is_free_of_traces(run):
+    folder, _ = run
+    logs = {path.stem: path.read_text() for path in (folder / "logs").glob("*.log")}
+    assert set(logs) >= set(SERVICES)
+    assert not [name for name, text in logs.items() if "Traceback" in text or "exception" in text]
+
+
+@pytest.mark.slow
+def test_sigint_ends_everything_quietly(tmp_path):
+    up = subprocess.Popen(
+        command("up", "tunnel", "--out", str(tmp_path)), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    lines = []
+    for line in up.stderr:
+        lines.append(line)
+        if "] contacts" in line:
+            break
+    children = Path(f"/proc/{up.pid}/task/{up.pid}/children").read_text().split()
+    up.send_signal(signal.SIGINT)
+    _, rest = up.communicate(timeout=LIMIT)
+    assert up.returncode == 0
+    assert "Traceback" not in "".join(lines) + rest
+    (folder,) = tmp_path.iterdir()
+    assert not [p for p in (folder / "logs").glob("*.log") if "Traceback" in p.read_text()]
+    time.sleep(0.5)
+    assert not [pid for pid in children if os.path.exists(f"/proc/{pid}")]
+
+
+def test_an_unknown_task_is_refused_before_anything_starts(tmp_path):
+    done = subprocess.run(
+        command("up", "tunel", "--out", str(tmp_path / "runs")), capture_output=True, text=True, timeout=LIMIT
+    )
+    assert done.returncode == 2
+    assert "input/UNKNOWN_TASK" in done.stderr and "Traceback" not in done.stderr
+    assert not (tmp_path / "runs").exists()
