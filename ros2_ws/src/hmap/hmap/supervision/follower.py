@@ -100,6 +100,6 @@ class Follower:
         if distance > LOST_POSITION or angle > LOST_ANGLE:
             raise ExecutionError(
                 f"{name!r} is {distance:.3f} m and {np.rad2deg(angle):.0f} deg off the plan at "
-                f"{plan.trajectory.time[sample]:.2f} s; {LOST_POSITION} m, {np.rad2deg(LOST_ANGLE):.0f} deg are allowed",
+                f"{plan.trajectory.time[sample]:.2f} s; {LOST_POSITION} m, {np.rad2deg(LOST_ANGLE):.0f} deg allowed",
                 Code.OBJECT_DROPPED,
             )

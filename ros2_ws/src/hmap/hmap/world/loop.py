@@ -88,6 +88,8 @@ class WorldLoop(threading.Thread):
 
     def call(self, function: Callable[[], T]) -> T:
         """Run a function between two steps and return what it returns, or raise what it raises."""
+        if self._end.is_set():
+            raise HmapError("the simulation is shutting down")
         answer: Future = Future()
         self._calls.put((function, answer))
         try:
