@@ -1,7 +1,7 @@
 """Reads what every planning request holds, and calls other nodes' services."""
 
 import copy
-import threading
+import queue
 import time
 from collections.abc import Callable
 from typing import Any
@@ -26,7 +26,7 @@ from hmap_msgs.msg import ErrorCode
 
 POLL = 0.1  # s between looks at whether a service is there and whether the caller still wants it
 ANSWER_MARGIN = 10.0  # s that an answer may take beyond the time limit of its request
-GONE = 1.0  # s without its service after which a node counts as away while it works
+REPEAT = 5.0  # s without an answer after which a request is sent again; doubles every time
 STAGES = {
     kind.stage: kind for kind in (InputError, WaypointError, ContactError, MotionError, PlannerError, ExecutionError)
 }
@@ -87,6 +87,9 @@ class Caller:
     def call(self, service_type: type, name: str, request: Any, limit: float) -> Any:
         """The response, whose ``error`` says success.
 
+        A request goes lost when its node dies, and DDS takes a dead process for alive for some seconds. So a request
+        without an answer is sent again, after REPEAT and then ever more seconds; the first answer counts.
+
         Args:
             limit: seconds that the work itself may take.
 
@@ -95,47 +98,47 @@ class Caller:
             HmapError: of the stage and code that the response names.
         """
         client = self.client(service_type, name)
+        self._wait_for(client, name)
         deadline = time.monotonic() + limit + ANSWER_MARGIN
-        while True:
-            self._wait_for(client, name)
-            response = self._ask(client, name, request, deadline)
-            if response is not None:
-                return response
-            self._node.get_logger().warning(f"{name}: the node went away; asking again once it is back")
+        answers: queue.Queue = queue.Queue()
+        asked = []
+        try:
+            response = self._ask(client, name, request, deadline, answers, asked)
+        finally:
+            for future in asked:
+                client.remove_pending_request(future)
+        if response.error.code != ErrorCode.SUCCESS:
+            error = error_from_message(response.error)
+            error.response = response
+            raise error
+        return response
 
     def _wait_for(self, client: Client, name: str) -> None:
         until = time.monotonic() + self._patience
         while not client.service_is_ready():
             self._check_canceled()
             if time.monotonic() > until:
-                raise PlannerError(f"no node has offered the service {name!r} for {self._patience:g} s",
-                                   Code.SERVICE_UNAVAILABLE)  # fmt: skip
+                raise PlannerError(
+                    f"no node has offered the service {name!r} for {self._patience:g} s", Code.SERVICE_UNAVAILABLE
+                )
             self._node.stopping.wait(POLL)
 
-    def _ask(self, client: Client, name: str, request, deadline: float):
-        """The response, or None when the node has gone away meanwhile."""
-        arrived = threading.Event()
-        future = client.call_async(request)
-        future.add_done_callback(lambda _: arrived.set())
-        seen = time.monotonic()
-        try:
-            while not arrived.wait(POLL):
+    def _ask(self, client: Client, name: str, request, deadline: float, answers: queue.Queue, asked: list):
+        repeat, again = REPEAT, 0.0
+        while True:
+            now = time.monotonic()
+            if now > deadline:
+                raise PlannerError(f"the service {name!r} did not answer in time", Code.TIME_LIMIT)
+            if now >= again:
+                self._wait_for(client, name)
+                future = client.call_async(request)
+                asked.append(future)
+                future.add_done_callback(answers.put)
+                again, repeat = now + repeat, 2.0 * repeat
+            try:
+                return answers.get(timeout=POLL).result()
+            except queue.Empty:
                 self._check_canceled()
-                now = time.monotonic()
-                seen = now if client.service_is_ready() else seen
-                if now - seen > GONE:
-                    return None
-                if now > deadline:
-                    raise PlannerError(f"the service {name!r} did not answer in time", Code.TIME_LIMIT)
-        finally:
-            if not future.done():
-                client.remove_pending_request(future)
-        response = future.result()
-        if response.error.code != ErrorCode.SUCCESS:
-            error = error_from_message(response.error)
-            error.response = response
-            raise error
-        return response
 
     def _check_canceled(self) -> None:
         if self._canceled() or self._node.stopping.is_set():

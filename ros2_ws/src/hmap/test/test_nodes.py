@@ -12,6 +12,7 @@ import hmap
 from hmap.commands.run import nodes
 
 FOLDER = Path(hmap.__file__).parent
+OFFERS = ("create_", "subscribe", "serve")  # methods that take a name on the wire
 
 
 @pytest.fixture(scope="module")
