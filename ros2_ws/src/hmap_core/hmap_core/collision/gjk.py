@@ -391,9 +391,29 @@ def _epa(VA, RA, pA, VB, RB, pB, W, WA, WB, tmp, normal, point_a, point_b):
                 D[m] = FAR
             m += 1
         n += 1
+    # of the triangles of the nearest plane, the one that holds the foot of the origin: only its points are opposite
     bary = tmp[2]
-    i, j, k = F[best, 0], F[best, 1], F[best, 2]
     shifted = np.empty((3, 3))
+    depth = D[best]
+    off = FAR
+    chosen = best
+    for f in range(m):
+        if D[f] > depth + EPA_GAP:
+            continue
+        i, j, k = F[f, 0], F[f, 1], F[f, 2]
+        for x in range(3):
+            shifted[0, x] = P[i, x] - D[f] * N[f, x]
+            shifted[1, x] = P[j, x] - D[f] * N[f, x]
+            shifted[2, x] = P[k, x] - D[f] * N[f, x]
+        _triangle(shifted[0], shifted[1], shifted[2], bary)
+        square = 0.0
+        for x in range(3):
+            square += (bary[0] * shifted[0, x] + bary[1] * shifted[1, x] + bary[2] * shifted[2, x]) ** 2
+        if square < off:
+            off = square
+            chosen = f
+    best = chosen
+    i, j, k = F[best, 0], F[best, 1], F[best, 2]
     for x in range(3):
         shifted[0, x] = P[i, x] - D[best] * N[best, x]
         shifted[1, x] = P[j, x] - D[best] * N[best, x]

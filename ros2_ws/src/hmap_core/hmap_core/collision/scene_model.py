@@ -11,7 +11,8 @@ from hmap_core.collision.convex import ConvexSet, bounding_sphere
 # The arrays of a CollisionModel as the compiled code takes them.
 #   vertices (V,3), start (S+1,), radius (S,), center (S,3), bound (S,), low/high (S,3): box round the shape, own frame
 #   frame (S,): frame that carries it; a, b (P,): shapes of a pair; margin (P,): m; phases (P,): bit k set = in phase k
-Collisions = namedtuple("Collisions", "vertices start radius center bound low high frame a b margin phases")
+#   speed (S,): how much farther than the chain's reach says a point of the shape may move; 0 in the world frame
+Collisions = namedtuple("Collisions", "vertices start radius center bound low high frame a b margin phases speed")
 
 ALL_PHASES = -1  # every bit
 
@@ -28,27 +29,36 @@ class CollisionModel:
     frames: list[int] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     pairs: list[tuple[int, int, float, int]] = field(default_factory=list)
+    speeds: list[float] = field(default_factory=list)
 
-    def add(self, name: str, vertices: np.ndarray, radius: float, frame: int, sphere=None) -> int:
-        """Adds a shape and returns its number; ``sphere`` (center (3,), radius) bounds it where it is known."""
+    def add(self, name: str, vertices: np.ndarray, radius: float, frame: int, sphere=None, speed: float = 1.0) -> int:
+        """Adds a shape and returns its number.
+
+        Args:
+            sphere: (center (3,), radius) that bounds it, where that is known.
+            speed: bound on its motion as a multiple of what the chain's reach says; 1 for the links themselves.
+        """
         if sphere is None:
             center, bound = bounding_sphere(vertices)
             sphere = center, bound + radius
         self.hulls.append((np.ascontiguousarray(vertices, float), float(radius), *sphere))
         self.frames.append(frame)
         self.names.append(name)
+        self.speeds.append(speed if frame else 0.0)
         return len(self.hulls) - 1
 
-    def add_set(self, name: str, shapes: ConvexSet, frame: int) -> list[int]:
+    def add_set(self, name: str, shapes: ConvexSet, frame: int, speed: float = 1.0) -> list[int]:
         """Adds all shapes of a set given in the frame's coordinates."""
         return [
-            self.add(name, shapes.hull(s), shapes.radius[s], frame, (shapes.center[s], shapes.bound[s]))
+            self.add(name, shapes.hull(s), shapes.radius[s], frame, (shapes.center[s], shapes.bound[s]), speed)
             for s in range(len(shapes))
         ]
 
     def copy(self) -> "CollisionModel":
         """A model of the same shapes and pairs that grows on its own."""
-        return CollisionModel(list(self.hulls), list(self.frames), list(self.names), list(self.pairs))
+        return CollisionModel(
+            list(self.hulls), list(self.frames), list(self.names), list(self.pairs), list(self.speeds)
+        )
 
     def keep_apart(self, A: Iterable[int], B: Sequence[int], margin: float, phases: int = ALL_PHASES) -> None:
         """Every shape of A keeps ``margin`` metres from every one of B in the phases of the bit mask."""
@@ -65,6 +75,7 @@ class CollisionModel:
             np.array(self.frames, np.int64),
             np.array([p[0] for p in self.pairs], np.int64), np.array([p[1] for p in self.pairs], np.int64),
             np.array([p[2] for p in self.pairs], float), np.array([p[3] for p in self.pairs], np.int64),
+            np.array(self.speeds),
         )  # fmt: skip
 
     def pair_name(self, pair: int) -> tuple[str, str]:

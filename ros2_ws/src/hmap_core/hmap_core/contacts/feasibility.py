@@ -149,6 +149,8 @@ def carried(manipulation: Manipulation, contact: ContactPoint, q: np.ndarray, ob
     holding = ik_problem(manipulation, collisions, Phase.HOLD)
     targets = pose_params_all(manipulation.T_tip_ee, multiply_all(object_poses, contact.T_obj_ee))
     path = follow_ik(holding, targets, q, MAX_JUMP)
+    if len(object_poses) == 1:
+        return path
     reach, step = len(path) - 1, 1
     while reach > 0:
         T_end = object_poses[reach]

@@ -78,6 +78,7 @@ def hand_reach(R_obj, p_obj, R_ee, p_ee, back, R_tip, p_tip, tip, near, far, hol
             axes_start, witness, work, last,
         ):  # fmt: skip
             continue
+        bound[k] = 0
         end = M - 1
         last[0] = -1
         for m in range(1, M):

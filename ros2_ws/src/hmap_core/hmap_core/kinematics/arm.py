@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from hmap_core.collision.convex import bounding_sphere
 from hmap_core.exceptions import Code, InputError
 from hmap_core.kinematics.simplify import simplify_hull
-from hmap_core.kinematics.tree import forward
+from hmap_core.kinematics.tree import forward, forward_last
 from hmap_core.kinematics.urdf import MOVING, Urdf, load_urdf
 from hmap_core.transforms import from_matrix, to_matrix
 from hmap_core.types import RobotModel
@@ -82,17 +82,31 @@ class Arm:
         T[:3, :3], T[:3, 3] = R[-1], p[-1]
         return from_matrix(T @ self.T_tip_ee)
 
-    def reach(self, beyond: float = 0.0) -> np.ndarray:
-        """Bound (n,) on the distance of any link point from each joint's axis; 1 for sliding joints.
+    def end_effectors(self, Q: np.ndarray) -> np.ndarray:
+        """T_base_ee (M, 7) at configurations Q (M, n)."""
+        Q = np.ascontiguousarray(Q, float)
+        R, p = forward_last(Q, self.parent, self.R_joint, self.p_joint, self.prismatic)
+        R_ee, p_ee = self.T_tip_ee[:3, :3], self.T_tip_ee[:3, 3]
+        return np.concatenate([p + R @ p_ee, Rotation.from_matrix(R @ R_ee).as_quat()], axis=1)
 
-        ``beyond`` is how far something held sticks out of the end-effector frame, metres.
-        """
-        extent = np.zeros(self.n + 1)  # of the links on each frame, and of what hangs on it
+    def reach(self) -> np.ndarray:
+        """Bound (n,) on the distance of any link point from each joint's axis; 1 for sliding joints."""
+        extent = np.zeros(self.n + 1)  # of the links on each frame
         for hull in self.hulls:
             slide = np.linalg.norm(hull.slide) * (self.model.gripper.open_opening if self.model.gripper else 0.0)
             size = np.linalg.norm(hull.vertices, axis=1).max() + hull.radius + slide
             extent[hull.frame] = max(extent[hull.frame], size)
-        extent[-1] = max(extent[-1], np.linalg.norm(self.T_tip_ee[:3, 3]) + beyond)
+        return self._bound(extent)
+
+    def speed(self, extent_at_tip: float) -> float:
+        """How much farther than :meth:`reach` says something may move that sticks out of the tip frame so far (m)."""
+        extent = np.zeros(self.n + 1)
+        extent[-1] = extent_at_tip
+        turning = self.prismatic == 0
+        return float(max(1.0, (self._bound(extent)[turning] / self.reach()[turning]).max(initial=1.0)))
+
+    def _bound(self, extent: np.ndarray) -> np.ndarray:
+        """Distance (n,) from each joint's axis of what sticks out of the frames by extent (n + 1,)."""
         bound = np.zeros(self.n)
         for k in range(self.n - 1, -1, -1):
             stroke = np.ptp(self.model.position_limits[:, k + 1]) if k + 1 < self.n and self.prismatic[k + 1] else 0.0

@@ -3,6 +3,7 @@
 import math
 
 import numba as nb
+import numpy as np
 
 from hmap_core.collision.gjk import OPTIONS
 
@@ -41,6 +42,19 @@ def forward(q, parent, R_joint, p_joint, prismatic, R, p):
             R[f, i, 0] = c * m0 + s * m1
             R[f, i, 1] = -s * m0 + c * m1
             R[f, i, 2] = r0 * R_joint[k, 0, 2] + r1 * R_joint[k, 1, 2] + r2 * R_joint[k, 2, 2]
+
+
+@nb.njit(**OPTIONS)
+def forward_last(Q, parent, R_joint, p_joint, prismatic):
+    """Rotation (M, 3, 3) and origin (M, 3) of the last frame at configurations Q (M, n)."""
+    M, n = Q.shape
+    R, p = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3))
+    R_last, p_last = np.empty((M, 3, 3)), np.empty((M, 3))
+    for m in range(M):
+        forward(Q[m], parent, R_joint, p_joint, prismatic, R, p)
+        R_last[m] = R[n]
+        p_last[m] = p[n]
+    return R_last, p_last
 
 
 @nb.njit(**OPTIONS)

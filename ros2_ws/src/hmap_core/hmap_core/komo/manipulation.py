@@ -208,7 +208,9 @@ class Manipulation:
             scene.keep_apart(toucher, standing, fingers, near)
             if far:
                 scene.keep_apart(toucher, standing, OBJECT_CLEARANCE, far)
-        held = scene.add_set(self.object, transformed(own, multiply(self.T_tip_ee, inverse(contact.T_obj_ee))), tip)
+        carried = transformed(own, multiply(self.T_tip_ee, inverse(contact.T_obj_ee)))
+        extent = np.linalg.norm(carried.center, axis=1) + carried.bound
+        held = scene.add_set(self.object, carried, tip, self.arm.speed(extent.max()))
         upper = [s for s in links["link"] if scene.frames[s] < tip]
         scene.keep_apart(upper, held, OBJECT_CLEARANCE, bit(Phase.HOLD))
         ends = [T_start] if T_end is None else [T_start, T_end]

@@ -74,11 +74,17 @@ def _place(sample, chain, cols, s):
 
 
 @nb.njit(**OPTIONS)
+def _closing(cols, k):
+    """How much nearer the shapes of pair k may come per metre of travel."""
+    return max(1e-6, cols.speed[cols.a[k]] + cols.speed[cols.b[k]])
+
+
+@nb.njit(**OPTIONS)
 def _distance(cols, k, sample, lam, activity, s):
     """Signed distance of pair k at a sample, or a bound where it is not needed exactly."""
     cutoff = cols.margin[k] + (BEYOND if lam > 0.0 else activity)
     d = pair_distance(cols, k, s.R, s.p, s.centers, cutoff, s.axes[sample, k], s.witness, s.work)
-    s.until[sample, k] = s.travel[sample] + 0.5 * (d - cols.margin[k] - activity)  # half: both shapes may move
+    s.until[sample, k] = s.travel[sample] + (d - cols.margin[k] - activity) / _closing(cols, k)
     return d
 
 
@@ -101,7 +107,7 @@ def _collide(cols, chain, phases, mu, lam, sample, s, activity):
             d2 = s.centers[a, 2] - s.centers[b, 2]
             gap = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2) - cols.bound[a] - cols.bound[b] - cols.margin[k] - activity
             if gap > 0.0:
-                s.until[sample, k] = s.travel[sample] + 0.5 * gap
+                s.until[sample, k] = s.travel[sample] + gap / _closing(cols, k)
                 continue
         d = _distance(cols, k, sample, lam[k], activity, s)
         c = cols.margin[k] - d
@@ -427,7 +433,7 @@ def path_violations(path, masks, chain, cols, floor):
                 continue
             cutoff = cols.margin[k] - violation[m]
             d = pair_distance(cols, k, s.R, s.p, s.centers, cutoff + LOOK_AHEAD, s.axes[0, k], s.witness, s.work)
-            s.until[0, k] = s.travel[0] + 0.5 * (d - cols.margin[k] + floor)
+            s.until[0, k] = s.travel[0] + (d - cols.margin[k] + floor) / _closing(cols, k)
             if cols.margin[k] - d > violation[m]:
                 violation[m] = cols.margin[k] - d
                 pair[m] = k

@@ -11,6 +11,7 @@ from hmap_core.plan_file import to_dict
 from hmap_core.planner.assembly import assemble, state_after
 from hmap_core.planner.interfaces import Backend, Progress, ProgressCallback, RobotContact, SegmentMotion
 from hmap_core.planner.local import LocalBackend
+from hmap_core.planner.motion import standing_collision
 from hmap_core.types import BodyKind, Goal, Plan, Scene, SceneState, SegmentKind
 from hmap_core.validation import check
 
@@ -62,6 +63,7 @@ class Planner:
         """The outer loop: waypoints until a path of segments is found for all of them."""
         goal = self.scene.goal
         self._check_goal(goal)
+        self._check_start(goal)
         for _ in range(WAYPOINT_ROUNDS):
             self._report("waypoints", text=f"path of '{goal.object}' to its goal")
             path = self.backend.plan_waypoints(
@@ -72,6 +74,8 @@ class Planner:
             plan = self._finished(*found) if found is not None else None
             if plan is not None:
                 return plan
+            if self.last_code == Code.NO_CONTACT:
+                self._check_reach(goal)
         raise PlannerError(
             f"no plan after {WAYPOINT_ROUNDS} object paths of '{goal.object}'; last: {self.last_failure}",
             self.last_code,
@@ -157,6 +161,40 @@ class Planner:
         if body is None or body.kind == BodyKind.FIXED:
             movable = ", ".join(n for n, b in self.scene.bodies.items() if b.kind != BodyKind.FIXED)
             raise InputError(f"goal object '{goal.object}' cannot be moved; allowed: {movable}", Code.UNKNOWN_OBJECT)
+
+    def _check_start(self, goal: Goal) -> None:
+        """No robot may stand beyond its limits or in something."""
+        for name, robot in self.scene.robots.items():
+            q, limits = self.start.q[name], robot.model.position_limits
+            for joint, value, low, high in zip(robot.model.joint_names, q, *limits, strict=True):
+                if not low <= value <= high:
+                    raise InputError(
+                        f"robot '{name}' starts with {joint} at {value:.4f}; allowed: {low:.4f} to {high:.4f}",
+                        Code.INVALID_INPUT,
+                    )
+            hit = standing_collision(self.scene, self.start, name, goal.object)
+            if hit is not None:
+                raise InputError(
+                    f"robot '{name}' starts {hit[1] * 1e3:.1f} mm inside: {' and '.join(hit[0])} overlap",
+                    Code.START_IN_COLLISION,
+                )
+
+    def _check_reach(self, goal: Goal) -> None:
+        """Raises ContactError when no robot could hold the object at its goal, whatever the way there."""
+        there = self.start.copy()
+        there.poses[goal.object] = goal.pose
+        try:
+            self.backend.propose_contacts(
+                self.scene, there, goal.object, goal.pose[None], tuple(self.scene.robots), None, 1, self._seed(),
+                self._time_left(),
+            )  # fmt: skip
+        except ContactError as error:
+            place = ", ".join(f"{v:.3f}" for v in goal.pose[:3])
+            raise ContactError(
+                f"the goal of '{goal.object}' at ({place}) is out of reach of {', '.join(self.scene.robots)}: "
+                "no contact on it can be held there",
+                Code.OUT_OF_REACH,
+            ) from error
 
     def _report(self, phase: str, waypoint: int = 0, waypoints: int = 0, attempt: int = 0, text: str = "") -> None:
         self._progress(Progress(phase, waypoint, waypoints, attempt, text))

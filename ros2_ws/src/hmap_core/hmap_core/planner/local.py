@@ -23,6 +23,8 @@ SURFACE_POINTS = 600  # samples of the object's surface when looking at it
 BATCH = 240  # candidates checked at once
 MAX_CANDIDATES = 480  # per robot, before it is out of contacts
 ENOUGH = 4  # feasible contacts per robot after which only better ones are looked for
+STRETCH_WEIGHT = 0.4  # share of a contact's worth that is lost when the arm is stretched out
+SCORE_WEIGHT = 0.1  # poses of the path that one point of a contact's score is worth
 MIN_REACH = 2  # poses a contact has to serve, unless the path is shorter
 
 
@@ -88,7 +90,7 @@ class LocalBackend:
                 f"none of {looked_at} contacts on '{object}' is reachable for {', '.join(robots or scene.robots)}",
                 Code.NO_CONTACT,
             )
-        found.sort(key=lambda c: (-c.reach, -c.contact.score))
+        found.sort(key=lambda c: -worth(scene, c))
         return found[: count or None]
 
     def check_contacts(
@@ -117,7 +119,7 @@ class LocalBackend:
             RobotContact(robot, contacts[f.index], len(f.keyframes) - 1, f.keyframes, away)
             for f in feasible_contacts(manipulation, contacts, object_poses, rng, least, ENOUGH)
         ]
-        return sorted(found, key=lambda c: (-c.reach, -c.contact.score))
+        return sorted(found, key=lambda c: -worth(scene, c))
 
     def solve_segment(
         self,
@@ -151,6 +153,15 @@ class LocalBackend:
                 total += len(batch)
                 if total >= MAX_CANDIDATES:
                     break
+
+
+def worth(scene: Scene, contact: RobotContact) -> float:
+    """What contacts are ranked by: how far they carry, less where the arm has to stretch for it."""
+    robot = scene.robots[contact.robot]
+    arm = load_arm(robot.model)
+    tips = arm.end_effectors(contact.keyframes[[0, -1]])[:, :3] - arm.p_joint[0]
+    stretch = np.linalg.norm(tips, axis=1).max() / arm.reach()[0]
+    return (contact.reach + SCORE_WEIGHT * contact.contact.score) * (1.0 - STRETCH_WEIGHT * stretch**2)
 
 
 def hand_of(robot: Robot) -> Hand:

@@ -22,8 +22,9 @@ from hmap_core.komo.solver import path_violations
 from hmap_core.komo.transcription import KomoProblem, SolverOptions, relaxed, verification
 from hmap_core.planner.interfaces import RobotContact, SegmentMotion
 from hmap_core.planner.transit import find_transit, resampled
-from hmap_core.transforms import IDENTITY, distance, inverse, multiply
+from hmap_core.transforms import IDENTITY, distance, inverse, multiply, multiply_all
 from hmap_core.types import Scene, SceneState, Segment, SegmentKind, Trajectory
+from hmap_core.waypoints.resample import consistent
 
 SAMPLE_PERIOD = 0.02  # s between two samples of a plan
 JOINT_STEP = 0.2  # rad between two steps of a transit, about
@@ -39,6 +40,7 @@ SEARCH_TIME = 2.0  # s that may go into one joint-space search, at most
 # follows within the clearance
 FREE_SPEED, FREE_ACCELERATION = 0.6, 0.3
 HOLD_SPEED, HOLD_ACCELERATION = 0.2, 0.05
+STANDING_DEPTH = 0.001  # m that a robot may stand inside of something when a plan begins
 GRIPPER_SPEED = 0.1  # m/s of the opening
 SETTLE = 0.3  # s that the fingers get to settle after they have closed or opened
 
@@ -76,6 +78,19 @@ def solve_segment(
         cleared.q[other] = pieces[-1].q[-1]
     pieces += _Segment(scene, cleared, object, contact, object_poses).solve(rng, deadline)
     return _assembled(scene, state, object, contact, pieces)
+
+
+def standing_collision(
+    scene: Scene, state: SceneState, robot: str, object: str
+) -> tuple[tuple[str, str], float] | None:
+    """What a robot stands in: the names of the two parts and how deep (m); None when it stands free."""
+    manipulation = Manipulation(scene, state, robot, object)
+    collisions = manipulation.standing_collisions(state.poses[object])
+    cols = collisions.arrays()
+    cols = cols._replace(margin=np.full_like(cols.margin, -STANDING_DEPTH))
+    q = np.ascontiguousarray(state.q[robot])[None]
+    excess, pair = path_violations(q, np.ones(1, np.int64), manipulation.model.chain, cols, 0.0)
+    return None if pair[0] < 0 else (collisions.pair_name(int(pair[0])), float(excess[0]) + STANDING_DEPTH)
 
 
 def _go_home(scene: Scene, state: SceneState, robot: str, object: str, rng, deadline: float) -> _Piece:
@@ -117,21 +132,24 @@ def _timed(scene: Scene, robot: str, path: np.ndarray, speed: float, acceleratio
     return time_parameterise(path, *limits, SAMPLE_PERIOD).q
 
 
-def _violation(manipulation: Manipulation, cols: Collisions, path: np.ndarray, phases) -> tuple[float, int]:
+def _violation(
+    manipulation: Manipulation, cols: Collisions, path: np.ndarray, phases: int, turn: float = np.inf, then: int = 0
+) -> tuple[float, int]:
     """Worst margin violation (m) along the spline through a path (M, n), and its pair (-1: none).
 
-    ``phases`` is a bit mask, or maps chord lengths to bit masks.
+    ``phases`` is the bit mask of phases that counts up to the chord length ``turn``, ``then`` the one after it.
     """
     curve = spline(path)
     chain = manipulation.model.chain
     knots = curve.x
     # motion bound of a knot interval from the joint motion between its ends, with room for the curve's bulge
-    moved = 1.5 * np.abs(np.diff(curve(knots), axis=0)) @ chain.reach
+    counted = (phases | then) & bit(Phase.HOLD) != 0
+    speed = cols.speed.max() if counted else 1.0  # what is held moves farther than the links
+    moved = 1.5 * speed * np.abs(np.diff(curve(knots), axis=0)) @ chain.reach
     counts = np.maximum(1, np.ceil(moved / VERIFY_STEP)).astype(int)
-    s = np.concatenate(
-        [np.linspace(a, b, c, endpoint=False) for a, b, c in zip(knots, knots[1:], counts, strict=False)] + [knots[-1:]]
-    )
-    masks = np.array([phases(x) for x in s], np.int64) if callable(phases) else np.full(len(s), phases)
+    spans = zip(knots, knots[1:], counts, strict=False)
+    s = np.concatenate([*(np.linspace(a, b, count, endpoint=False) for a, b, count in spans), knots[-1:]])
+    masks = np.where(s < turn, phases, then).astype(np.int64)
     violation, pair = path_violations(np.ascontiguousarray(curve(s)), masks, chain, cols, 0.0)
     worst = int(violation.argmax())
     return float(violation[worst]), int(pair[worst])
@@ -211,9 +229,7 @@ class _Segment:
         knots = spline(coming).x
         turn = knots[-1 - APPROACH_STEPS] if len(knots) > APPROACH_STEPS else 0.0
         found = {
-            "coming": _violation(
-                self.manipulation, cols, coming, lambda s: bit(Phase.TRANSIT if s < turn else Phase.APPROACH)
-            ),
+            "coming": _violation(self.manipulation, cols, coming, bit(Phase.TRANSIT), turn, bit(Phase.APPROACH)),
             "carrying": _violation(self.manipulation, cols, carrying, bit(Phase.HOLD) | CARRIED),
             "leaving": _violation(self.manipulation, cols, leaving, bit(Phase.RETREAT)),
         }
@@ -243,7 +259,7 @@ class _Segment:
         T_ee_obj = inverse(self.contact.T_obj_ee)
         base = self.scene.robots[self.robot].base_pose
         arm = self.manipulation.arm
-        poses = np.array([multiply(multiply(base, arm.end_effector(x)), T_ee_obj) for x in hold])
+        poses = consistent(multiply_all(multiply_all(base, arm.end_effectors(hold)), T_ee_obj))
         back = _timed(self.scene, self.robot, leaving, FREE_SPEED, FREE_ACCELERATION)
         released = _ramp(held, free)
         leaving_q = np.concatenate([np.repeat(back[:1], len(released), 0), back])
