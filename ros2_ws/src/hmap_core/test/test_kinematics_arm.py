@@ -204,10 +204,22 @@ def test_no_point_moves_more_than_reach_says(name):
     assert share > 0.3  # and the bound is no empty one
 
 
-def test_reach_grows_by_what_is_held():
-    robot = arm("panda")
-    assert (robot.reach(0.5) >= robot.reach()).all()
-    assert robot.reach(0.5)[-1] >= np.linalg.norm(robot.T_tip_ee[:3, 3]) + 0.5
+def test_what_is_held_moves_no_more_than_its_speed_times_the_reach(name):
+    rng = np.random.default_rng(8)
+    robot, chain = arm(name), model(name).chain
+    assert robot.speed(0.0) == 1.0
+    for extent in (0.3, 1.0):
+        bound_per_rad = robot.speed(extent) * chain.reach
+        for k in range(100):
+            q = random_q(chain, rng)
+            dq = rng.normal(size=robot.n) * 10.0 ** rng.integers(-3, 0)
+            if k % 2:
+                dq *= np.eye(robot.n)[k // 2 % robot.n]
+            points = rng.normal(size=(20, 3))
+            points *= extent / np.linalg.norm(points, axis=1, keepdims=True)
+            (Ra, pa), (Rb, pb) = robot.frames(q), robot.frames(q + dq)
+            moved = np.linalg.norm(points @ (Rb[-1] - Ra[-1]).T + pb[-1] - pa[-1], axis=1).max()
+            assert moved <= bound_per_rad @ np.abs(dq) + 1e-12
 
 
 @pytest.mark.parametrize("tolerance", [0.0005, 0.003, 0.02])
