@@ -111,5 +111,3 @@ def test_axis_alignment_is_zero_when_aligned_and_two_when_opposed():
     local = R[4].T @ z
     r, _ = evaluate(axis_alignment(7, (0, 0, 1), local, reference=4), world.chain, q)
     np.testing.assert_allclose(r, 0.0, atol=1e-12)
-
-
