@@ -36,6 +36,8 @@ CAMERA_TOPICS = {
 class Perception(HmapNode):
     """Publishes where everything is, as long as the sensors say so."""
 
+    waits = False
+
     def __init__(self):
         super().__init__("perception")
         self._naming = Naming(self, "arm_joint", "finger_joint", "camera", "body_pose")

@@ -37,6 +37,8 @@ TOPICS = [
 class Recorder(HmapNode):
     """Writes every message of the chosen topics as it came."""
 
+    waits = False
+
     def __init__(self):
         super().__init__("recorder")
         path = Path(self.parameter("path", "bag", "folder of the bag; must not exist yet"))
