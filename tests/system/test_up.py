@@ -13,6 +13,7 @@ import pytest
 from hmap.launcher.session import SERVICES
 from hmap_core.cli import main
 
+START = 15.0  # s for a single node to be up
 LIMIT = 400.0  # s on a busy machine
 RECORDED = {
     "/joint_states": "sensor_msgs/msg/JointState",
@@ -66,7 +67,7 @@ def test_the_tunnel_is_solved(run):
     _, done = run
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
-    assert lines[0] == "solved (executed)"
+    assert lines[0] == "solved"
     found = {line[:16].strip() for line in lines[1:]}
     wanted = {"waypoints", "contacts", "mode switches", "planning time", "final error", "plan", "picture", "bag"}
     assert found >= wanted
@@ -137,3 +138,24 @@ def test_an_unknown_task_is_refused_before_anything_starts(tmp_path):
     assert done.returncode == 2
     assert "input/UNKNOWN_TASK" in done.stderr and "Traceback" not in done.stderr
     assert not (tmp_path / "runs").exists()
+
+
+def test_one_node_runs_in_the_foreground_until_sigint():
+    node = subprocess.Popen(
+        command("run", "waypoint_planner", "--ros-args", "-r", "__ns:=/cell"), stderr=subprocess.PIPE, text=True
+    )
+    time.sleep(START)
+    assert node.poll() is None
+    node.send_signal(signal.SIGINT)
+    _, err = node.communicate(timeout=LIMIT)
+    assert node.returncode == 0
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    "arguments", [["nix"], ["world", "--ros-args", "-p", "task:=nix"], ["world", "--ros-args", "-p", "seed:=-1"]]
+)
+def test_a_node_with_wrong_arguments_is_bad_input(arguments):
+    done = subprocess.run(command("run", *arguments), capture_output=True, text=True, timeout=LIMIT)
+    assert done.returncode == 2
+    assert done.stderr.strip() and "Traceback" not in done.stderr

@@ -37,8 +37,8 @@ class HmapNode(Node):
     """A node whose callbacks run side by side in the reentrant group :attr:`group`.
 
     Attributes:
-        waits: whether callbacks may wait for each other; a node whose callbacks do not runs them one by one, which costs
-            a third of the time for each message.
+        waits: whether callbacks may wait for each other; a node whose callbacks do not runs them one by one, at a
+            third of the cost.
     """
 
     waits = True

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hmap.environment import prepare_process
 from hmap.launcher.processes import Graph, output_folder
-from hmap_core.cli.main import positive, seed_argument
+from hmap_core.cli.main import positive, seed_argument, zero_or_more
 from hmap_core.cli.progress import ProgressLine
 from hmap_core.exceptions import Code, InputError, PlannerError
 
@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     limit = f"for planning ({DEFAULT_TIME_LIMIT:g})"
     parser.add_argument("--time-limit", type=positive, default=DEFAULT_TIME_LIMIT, metavar="SECONDS", help=limit)
     speed = "simulated seconds per second while a robot moves (4); 0: as fast as possible"
-    parser.add_argument("--speed", type=float, default=4.0, metavar="X", help=speed)
+    parser.add_argument("--speed", type=zero_or_more, default=4.0, metavar="X", help=speed)
     parser.add_argument("--plan-only", action="store_true", help="do not execute the plan")
     parser.add_argument("--no-picture", action="store_true", help="do not draw the plan")
     parser.add_argument("--keep", action="store_true", help="leave the nodes running afterwards, until Ctrl-C")
@@ -68,24 +68,28 @@ def run(arguments: argparse.Namespace) -> int:
 def _run(arguments: argparse.Namespace, folder: Path, stop: threading.Event) -> int:
     from hmap.launcher.session import Session  # imports ROS, which a wrong task name need not wait for
 
-    with ProgressLine() as line, Graph(folder / "logs") as graph, Session() as session:
+    files = {"bag": folder / BAG}
+    with ProgressLine() as line:
+        with Graph(folder / "logs") as graph, Session() as session:
 
-        def between() -> None:
-            graph.check()
-            if stop.is_set():
-                raise Stopped
-
-        _start(graph, session, arguments, folder, line, between)
-        result = session.manipulate(_goal(arguments), lambda s: _show(line, s), between)
-        files = _save(result, folder, not arguments.no_picture, line)
-        if arguments.keep:
-            _print(result, files)
-            line.show("up", "the nodes run on; Ctrl-C ends them")
-            while not stop.wait(POLL):
+            def between() -> None:
                 graph.check()
-        line.show("stopping", "the nodes end")
+                if stop.is_set():
+                    raise Stopped
+
+            _start(graph, session, arguments, folder, line, between)
+            result = session.manipulate(_goal(arguments), lambda status: _show(line, status), between)
+            if arguments.keep:
+                files |= _save(result, folder, not arguments.no_picture, line)
+                _print(result, files)
+                line.show("up", "the nodes run on; Ctrl-C ends them")
+                while not stop.wait(POLL):
+                    graph.check()
+            line.show("stopping", "the nodes end")
+        if not arguments.keep:
+            files |= _save(result, folder, not arguments.no_picture, line)
     if not arguments.keep:
-        _print(result, {**files, "bag": folder / BAG})
+        _print(result, files)
     return _exit_code(result)
 
 
@@ -150,8 +154,7 @@ def _print(result, files: dict[str, Path]) -> None:
     from hmap.conversions import plan_from_message
     from hmap_core.viz.summary import summary
 
-    done = "executed" if result.executed else "planned"
-    print(f"{'solved' if result.success else 'not solved'} ({done})")
+    print(("solved" if result.executed else "planned, not executed") if result.success else "not solved")
     if not result.success:
         print(f"{'reason':<16}[{result.error.stage}/{Code(result.error.code).name}] {result.error.reason}")
     if result.plan.segments:

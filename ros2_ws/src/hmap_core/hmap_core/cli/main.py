@@ -86,4 +86,12 @@ def positive(text: str) -> float:
     return value
 
 
+def zero_or_more(text: str) -> float:
+    """A finite number, 0 or larger."""
+    value = float(text)
+    if not 0.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a finite number, 0 or larger")
+    return value
+
+
 Command = ModuleType  # HELP: str; add_arguments(parser) -> None; run(arguments) -> int
