@@ -24,7 +24,7 @@ from hmap_core.transforms import IDENTITY, inverse, multiply, multiply_all, rota
 from hmap_core.types import ContactKind, ContactPoint
 
 RESTARTS = 2  # random configurations tried after the home posture
-MAX_JUMP = 0.5  # rad a joint may turn between two neighbouring poses of the object's path
+MAX_JUMP = 0.2  # rad a joint may turn between two neighbouring poses: about a centimetre of the hand
 APPROACH_STEPS = 4  # poses between the contact and the pre-contact pose
 COARSE_POSES = 24  # places of the object's path at which the hand alone is looked at
 CHUNK = 8  # candidates solved together
