@@ -27,6 +27,7 @@ from hmap_msgs_py.poses import pose_to_message
 TIME_LIMIT = 240.0  # s for planning on a busy machine
 ANSWER_LIMIT = 60.0  # s for a service
 RESPAWN_LIMIT = 60.0  # s
+STILL = 0.002  # rad that a standing arm may differ between two looks
 
 
 def manipulate(graph, on_status=lambda status: None, between=None, **fields):
@@ -174,6 +175,31 @@ def test_a_killed_optimiser_comes_back_and_the_plan_is_found(graph):
     assert result.success, result.error
     assert result.plan.segments and result.plan.scene.task == load_scene("tunnel", 0).task
     assert not result.executed
+
+
+@pytest.mark.slow
+def test_a_cancel_stops_the_motion(graph):
+    class Enough(Exception):
+        pass
+
+    labels = []
+
+    def between():
+        graph.check()
+        if len(labels) > 1:  # the second stretch: an arm is on its way
+            raise Enough
+
+    with pytest.raises(Enough):
+        manipulate(graph, lambda status: labels.append(status.text) if status.phase == "execution" else None, between)
+    first, second = (joints(graph), time.sleep(1.0), joints(graph))[::2]
+    assert np.abs(second - first).max() < STILL
+    start = np.concatenate([robot.q for robot in load_scene("tunnel", 0).robots.values()])
+    assert np.abs(first - start).max() > STILL  # it had been moving
+
+
+def joints(graph) -> np.ndarray:
+    world = call(graph, GetScene, "get_scene", GetScene.Request()).world
+    return np.concatenate([robot.position for robot in world.robots])
 
 
 def test_every_node_ends_cleanly(graph):

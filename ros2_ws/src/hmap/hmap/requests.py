@@ -26,7 +26,7 @@ from hmap_msgs.msg import ErrorCode
 
 POLL = 0.1  # s between looks at whether a service is there and whether the caller still wants it
 ANSWER_MARGIN = 10.0  # s that an answer may take beyond the time limit of its request
-REPEAT = 5.0  # s without an answer after which a request is sent again; doubles every time
+REPEAT = 10.0  # s without an answer after which a request is sent again; doubles every time
 STAGES = {
     kind.stage: kind for kind in (InputError, WaypointError, ContactError, MotionError, PlannerError, ExecutionError)
 }
