@@ -20,6 +20,7 @@ from hmap_msgs.srv import (
     MoveBody,
     PlanWaypoints,
     ProposeContacts,
+    Reset,
     SolveSegment,
 )
 from hmap_msgs_py.poses import pose_to_message
@@ -27,6 +28,7 @@ from hmap_msgs_py.poses import pose_to_message
 TIME_LIMIT = 240.0  # s for planning on a busy machine
 ANSWER_LIMIT = 60.0  # s for a service
 RESPAWN_LIMIT = 60.0  # s
+SHIFT = 0.03  # m; more than an object may be off in the end, less than one is lost
 STILL = 0.002  # rad that a standing arm may differ between two looks
 
 
@@ -195,6 +197,32 @@ def test_a_cancel_stops_the_motion(graph):
     assert np.abs(second - first).max() < STILL
     start = np.concatenate([robot.q for robot in load_scene("tunnel", 0).robots.values()])
     assert np.abs(first - start).max() > STILL  # it had been moving
+
+
+@pytest.mark.slow
+def test_an_object_that_was_shifted_is_brought_to_its_goal_by_a_new_plan(graph):
+    assert call(graph, Reset, "reset", Reset.Request()).error.code == Code.SUCCESS
+    graph.session.forget_state()
+    graph.wait_until_up()
+    shifted = []
+
+    def shift(status):
+        if status.phase == "execution" and not shifted:
+            shifted.append(True)
+            threading.Thread(target=push_aside, args=(graph,)).start()
+
+    result = manipulate(graph, shift)
+    assert result.success, result.error
+    assert shifted and result.executed
+    assert {entry.key: entry.value for entry in result.statistics}["plans"] == "2"
+    assert result.position_error < load_scene("tunnel", 0).execution_tolerance[0]
+
+
+def push_aside(graph) -> None:
+    """Shift the bar along the tunnels, farther than it may be off at the end."""
+    start = load_scene("tunnel", 0).bodies["bar"].pose
+    moved = pose_to_message(start + np.array([-SHIFT, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    assert call(graph, MoveBody, "move_body", MoveBody.Request(name="bar", pose=moved)).error.code == Code.SUCCESS
 
 
 def joints(graph) -> np.ndarray:

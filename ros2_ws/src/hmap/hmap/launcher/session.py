@@ -53,6 +53,10 @@ class Session:
         except ExternalShutdownException:
             pass
 
+    def forget_state(self) -> None:
+        """Take perception for not ready until it publishes a state again."""
+        self._has_state.clear()
+
     def other_graph(self) -> bool:
         """Whether a supervisor is there already."""
         return self._client.server_is_ready()
