@@ -8,9 +8,11 @@ import hashlib
 import os
 import shutil
 import sys
+import time
 from pathlib import Path
 
 VARIABLE = "NUMBA_CACHE_DIR"
+KEPT_DAYS = 14  # other checkouts on this machine may still run with theirs
 COMPILED = (b"njit", b"cfunc", b"intrinsic", b"namedtuple")  # marks of a source whose code or types are compiled
 
 
@@ -43,8 +45,8 @@ def use_own_cache() -> None:
 
 
 def remove_old_caches() -> None:
-    """Deletes the folders of other states of the sources."""
-    current = source_hash()
+    """Deletes folders of other states of the sources that nothing was added to for a while."""
+    current, oldest = source_hash(), time.time() - KEPT_DAYS * 86400
     for folder in cache_root().glob("*"):
-        if folder.name != current:
+        if folder.name != current and folder.stat().st_mtime < oldest:
             shutil.rmtree(folder, ignore_errors=True)
