@@ -1,0 +1,169 @@
+"""Algorithm 1 with a scripted backend: what is tried after what, when it gives up, and what it then says."""
+
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from planner_fixtures import carry
+
+from hmap_core.exceptions import Code, ContactError, HmapError, InputError, MotionError, PlannerError, WaypointError
+from hmap_core.planner import J_MAX, Planner, RobotContact, SegmentMotion, plan
+from hmap_core.planner.algorithm import WAYPOINT_ROUNDS
+from hmap_core.planner.assembly import assemble, state_after
+from hmap_core.transforms import interpolate, pose
+from hmap_core.types import ContactKind, ContactPoint, Goal, Segment, SegmentKind, Trajectory
+
+PATH = 11  # poses of the object's path
+
+
+class Script:
+    """A backend whose contacts serve ``reach`` poses, and whose motions fail as long as ``fail(call number)``."""
+
+    def __init__(self, reach=4, contacts=3, fail=lambda k: False, no_contact=False, works=lambda: None):
+        self.reach, self.contacts, self.fail, self.no_contact, self.works = reach, contacts, fail, no_contact, works
+        self.calls: list[str] = []
+        self.poses: list[np.ndarray] = []
+        self.seeds: list[int] = []
+
+    def plan_waypoints(self, scene, state, object, goal, seed, time_limit):
+        self.calls.append("waypoints")
+        self.seeds.append(seed)
+        poses = interpolate(state.poses[object], goal.pose, np.linspace(0, 1, PATH))
+        return SimpleNamespace(poses=poses)
+
+    def propose_contacts(self, scene, state, object, object_poses, robots, cloud, count, seed, time_limit):
+        self.calls.append("contacts")
+        self.poses.append(object_poses)
+        if self.no_contact:
+            raise ContactError("nothing is reachable", Code.NO_CONTACT)
+        self.works()
+        contact = ContactPoint(ContactKind.GRASP, pose(), np.zeros(3), np.zeros(3), 0.05, np.array([0, 0, 1.0]))
+        reach = min(self.reach, len(object_poses) - 1)
+        return [RobotContact("arm", contact, reach, np.zeros((reach + 1, 7)))] * min(self.contacts, count)
+
+    def solve_segment(self, scene, state, object, contact, object_poses, seed, time_limit):
+        self.calls.append("motion")
+        if self.fail(self.calls.count("motion")):
+            raise MotionError(f"try {self.calls.count('motion')} fails")
+        count = len(object_poses)
+        trajectory = Trajectory(
+            0.02 * np.arange(count), {"arm": np.repeat(state.q["arm"][None], count, 0)}, {"arm": np.full(count, 0.08)},
+            {object: object_poses},
+        )  # fmt: skip
+        segment = Segment(0.0, 0.02 * (count - 1), "arm", "panda_hand", object, SegmentKind.GRASP, pose())
+        return SegmentMotion(trajectory, (segment,))
+
+
+@pytest.fixture
+def scene(tmp_path):
+    return carry(tmp_path)
+
+
+def failure(planner) -> HmapError:
+    with pytest.raises(HmapError) as error:
+        planner.plan()
+    assert error.value.stage and error.value.reason
+    return error.value
+
+
+def test_a_plan_that_nobody_could_execute_is_rejected_and_planned_anew(scene):
+    """The object flies by itself here: the judge has the last word, and the violation is named."""
+    script = Script()
+    error = failure(Planner(scene, backend=script))
+    assert (error.stage, error.code) == ("planner", Code.PLAN_REJECTED)
+    assert "brick" in error.reason
+    assert script.calls.count("waypoints") == WAYPOINT_ROUNDS
+    assert len(set(script.seeds)) == WAYPOINT_ROUNDS
+
+
+def test_the_main_loop_goes_on_where_the_last_contact_ended(scene):
+    script = Script(reach=4, fail=lambda k: k > 3)
+    failure(Planner(scene, backend=script))
+    assert script.calls[:7] == ["waypoints", "contacts", "motion", "contacts", "motion", "contacts", "motion"]
+    first, second, third = script.poses[:3]
+    assert (len(first), len(second), len(third)) == (11, 7, 3)
+    np.testing.assert_allclose(second[0], first[4])
+    np.testing.assert_allclose(third[0], first[8])
+
+
+def test_the_inner_loop_tries_the_next_contact_and_stops_at_j_max(scene):
+    script = Script(contacts=7, fail=lambda k: True)
+    error = failure(Planner(scene, backend=script))
+    assert error.code == Code.NO_MOTION and f"try {WAYPOINT_ROUNDS * J_MAX} fails" in error.reason
+    assert script.calls.count("motion") == WAYPOINT_ROUNDS * J_MAX
+
+
+def test_without_contacts_the_reach_of_the_goal_is_asked(scene):
+    error = failure(Planner(scene, backend=Script(no_contact=True)))
+    assert (error.stage, error.code) == ("contacts", Code.OUT_OF_REACH)
+    assert "brick" in error.reason and "arm" in error.reason
+
+
+def test_an_object_without_a_path_is_reported_as_it_is(scene):
+    script = Script()
+
+    def blocked(*args):
+        raise WaypointError("no path of 'brick'")
+
+    script.plan_waypoints = blocked
+    assert failure(Planner(scene, backend=script)).code == Code.NO_OBJECT_PATH
+
+
+def test_the_time_limit_is_honoured_with_the_last_failure_as_reason(scene):
+    error = failure(Planner(scene, backend=Script(fail=lambda k: True, works=lambda: time.sleep(0.03)), time_limit=0.1))
+    assert isinstance(error, PlannerError) and error.code == Code.TIME_LIMIT
+    assert "0.1 s" in error.reason and "fails" in error.reason
+    assert failure(Planner(scene, backend=Script(), time_limit=0.0)).code == Code.TIME_LIMIT
+
+
+def test_cancel_is_honoured_between_two_steps(scene):
+    for after in (0, 1, 3):
+        script = Script(fail=lambda k: True)
+        error = failure(Planner(scene, backend=script, canceled=lambda s=script, n=after: len(s.calls) > n))
+        assert error.code == Code.CANCELED
+        assert len(script.calls) <= after + 2
+
+
+def test_progress_tells_what_is_being_done(scene):
+    seen = []
+    failure(Planner(scene, backend=Script(), progress=seen.append))
+    assert [p.phase for p in seen[:4]] == ["waypoints", "contacts", "motion", "contacts"]
+    assert "checking" in [p.phase for p in seen]
+    assert (seen[3].waypoint, seen[3].waypoints) == (4, PATH - 1)
+    assert all(p.text for p in seen)
+
+
+@pytest.mark.parametrize("name", ["nothing", "wall"])
+def test_a_goal_for_what_cannot_be_moved_is_refused(scene, name):
+    with pytest.raises(InputError, match=f"'{name}'.*allowed: brick") as error:
+        plan(scene.with_goal(Goal(name, pose((0.5, 0, 0.1)))))
+    assert error.value.code == Code.UNKNOWN_OBJECT
+
+
+def test_a_robot_that_starts_beyond_its_limits_or_in_the_table_is_refused(scene):
+    state = scene.start_state()
+    state.q["arm"][3] = 0.5
+    with pytest.raises(InputError, match="panda_joint4 at 0.5000; allowed: -3.0718 to -0.0698"):
+        plan(scene, state)
+    state.q["arm"] = np.array([0.0, 1.5, 0.0, -0.6, 0.0, 2.0, 0.8])
+    with pytest.raises(InputError, match="arm.*inside.*overlap") as error:
+        plan(scene, state)
+    assert error.value.code == Code.START_IN_COLLISION
+
+
+def test_segments_are_put_together_without_gaps(scene):
+    state, script = scene.start_state(), Script()
+    poses = interpolate(state.poses["brick"], scene.goal.pose, np.linspace(0, 1, 9))
+    first = script.solve_segment(scene, state, "brick", None, poses[:5], 0, 1.0)
+    after = state_after(state, first)
+    np.testing.assert_array_equal(after.poses["brick"], poses[4])
+    np.testing.assert_array_equal(state.poses["brick"], poses[0])
+    second = script.solve_segment(scene, after, "brick", None, poses[4:], 0, 1.0)
+    made = assemble(scene, state, [first, second], poses[[4, 8]], {})
+    np.testing.assert_allclose(made.trajectory.time, 0.02 * np.arange(9))
+    np.testing.assert_array_equal(made.trajectory.objects["brick"], poses)
+    assert [(s.start, s.end) for s in made.segments] == [
+        (0.0, pytest.approx(0.08)),
+        (pytest.approx(0.08), pytest.approx(0.16)),
+    ]
