@@ -7,6 +7,8 @@ from geometry_fixtures import coal_distance, coal_hull
 
 from hmap_core.collision.gjk import signed_distance
 from hmap_core.collision.scene_model import CollisionModel
+from hmap_core.kinematics.chain import Chain
+from hmap_core.kinematics.model import KinematicModel, PlacedArm
 from hmap_core.komo import solver
 from hmap_core.komo.banded import cholesky_solve
 from hmap_core.komo.features import axis_alignment, joint_position, pose_params, relative_pose, relative_position
@@ -130,10 +132,10 @@ class Lagrangian:
         self.lam_pairs = rng.uniform(0, 1, (self.T * 3, len(self.cols.a))) * rng.integers(0, 2, (self.T * 3, 1))
         self.lam_limits = rng.uniform(0, 1, (self.T, self.n, 2))
 
-    def evaluate(self, X):
+    def evaluate(self, X, scratch=None):
         options = self.problem.options.pack()
         H, G = np.zeros((X.size, 3 * self.n)), np.zeros(X.size)
-        scratch = solver._scratch(self.T, self.n, self.cols, 3)
+        scratch = scratch or solver._scratch(self.T, self.n, self.cols, 3)
         found = solver._evaluate(
             np.ascontiguousarray(X.reshape(self.T, self.n)), self.prefix, self.problem.phase_of_step(),
             self.problem.chain, self.terms, self.cols, options, 50.0, self.lam_terms, self.lam_pairs, self.lam_limits,
@@ -158,6 +160,20 @@ def test_the_gradient_is_that_of_the_merit(names, seed):
     assert off.mean() < 0.03, np.flatnonzero(off)
     eigenvalues = np.linalg.eigvalsh(dense(H, lagrangian.n))
     assert eigenvalues.min() > -1e-9 * eigenvalues.max()  # Gauss-Newton
+
+
+def test_what_is_left_alone_between_evaluations_changes_nothing():
+    """The same values with a memory of which pairs were far apart as without."""
+    lagrangian = Lagrangian(("panda",), 1)
+    lagrangian.lam_pairs[:] = 0.0  # pairs with a multiplier are always looked at
+    rng = np.random.default_rng(5)
+    scratch = solver._scratch(lagrangian.T, lagrangian.n, lagrangian.cols, 3)
+    X = lagrangian.X.copy()
+    for k in range(40):
+        X += rng.normal(size=X.shape) * (0.3 if k % 10 == 9 else 0.02)
+        remembered, fresh = lagrangian.evaluate(X, scratch), lagrangian.evaluate(X)
+        assert remembered[0] == pytest.approx(fresh[0], rel=1e-9)
+        np.testing.assert_allclose(remembered[4], fresh[4], rtol=1e-6, atol=1e-6)
 
 
 def test_collisions_between_the_steps_are_seen():
@@ -366,6 +382,46 @@ def test_path_violations_are_those_of_brute_force(floor):
     assert 0.1 < above.mean() < 0.95
     np.testing.assert_allclose(violation[above], expected[above], atol=5e-6)
     assert (pair[above] >= 0).all() and (pair[expected < floor - 1e-6] == -1).all()
+
+
+def test_stretched_arms_that_sweep_are_not_missed():
+    """Here points move nearly as fast as the bound says, so whatever is left alone for too long shows."""
+    bases = pose(), pose((1.8, 0, 0), (0, 0, 1, 0))  # their tips overlap when they point at each other
+    world = KinematicModel([PlacedArm(name, arm("iiwa"), T) for name, T in zip("ab", bases, strict=True)])
+    stretched = np.array([0, np.pi / 2, 0, 0, 0, 0, 0])
+    tip = world.arms["a"].arm.end_effector(stretched)
+    scene = with_links(world, (0.1 * np.ones(3), tip), margin=0.005, phases=0b01)
+    links = [s for s, f in enumerate(scene.frames) if f]
+    left, right = ([s for s in links if (scene.frames[s] <= 7) == side] for side in (True, False))
+    scene.keep_apart(left[-2:], right[-2:], 0.005, 0b10)
+    cols = scene.arrays()
+    path = np.tile(stretched, (150, 2))
+    path[:, [0, 7]] = np.linspace(-2.5, 2.5, 150)[:, None]  # they meet at full speed
+    for mask in (0b01, 0b10):
+        masks = np.full(len(path), mask)
+        expected = brute_force(world, cols, path, masks)
+        violation, _ = path_violations(path, masks, world.chain, cols, 0.0)
+        assert 3 <= (expected > 0.0).sum() <= 50
+        np.testing.assert_allclose(violation, np.maximum(expected, 0.0), atol=5e-6)
+
+
+def test_a_slider_that_moves_as_fast_as_the_bound_says_is_not_missed():
+    """The tightest case: any pair that is left alone for longer than the bound allows is missed here."""
+    turned = np.array([[[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]])  # the joint slides along x
+    zero, one = np.zeros(1), np.ones(1)
+    indices = np.zeros(1, np.int64), turned, np.zeros((1, 3)), np.ones(1, np.int64), np.zeros(2, np.int64)
+    chain = Chain(*indices, zero, 3.0 * one, one)
+    scene = CollisionModel()
+    ball = scene.add("ball", np.zeros((1, 3)), 0.005, 1)
+    marks = [scene.add(f"mark {x}", np.array([[x, 0.0, 0.0]]), 0.005, 0) for x in (0.3, 1.0, 2.0)]
+    scene.keep_apart([ball], marks, 0.0)
+    path = np.linspace(0.0, 2.5, 1501)[:, None]
+    path = np.concatenate([path, path[::-1]])
+    violation, pair = path_violations(path, np.ones(len(path), np.int64), chain, scene.arrays(), 0.0)
+    expected = 0.01 - np.abs(path - [[0.3, 1.0, 2.0]])
+    np.testing.assert_allclose(violation, np.maximum(0.0, expected.max(1)), atol=1e-9)
+    hit = expected.max(1) > 1e-9
+    np.testing.assert_array_equal(pair[hit], expected.argmax(1)[hit])
 
 
 def test_relaxed_lets_a_start_be_where_it_is():
