@@ -56,6 +56,11 @@ def line(scene, to=(0.5, -0.3, 0.04), count=12):
     return interpolate(start, pose(to), np.linspace(0.0, 1.0, count))
 
 
+def anywhere(poses):
+    """The object may be let go at every pose."""
+    return np.ones(len(poses), bool)
+
+
 def least_clear(task, cols, path, phase):
     """Worst violation (m) of the margins of a phase at configurations."""
     masks = np.full(len(path), bit(phase), np.int64)
@@ -65,7 +70,7 @@ def least_clear(task, cols, path, phase):
 def test_grasps_from_above_work_and_from_below_do_not(scene):
     contacts = [*FROM_ABOVE, FROM_BELOW]
     task, poses = manipulation(scene), line(scene)
-    found = feasible_contacts(task, contacts, poses, np.random.default_rng(0), 2, 4)
+    found = feasible_contacts(task, contacts, poses, anywhere(poses), np.random.default_rng(0), 2, 4)
     assert {f.index for f in found} == {0, 1, 2}
     for f in found:
         reach = len(f.keyframes) - 1
@@ -76,6 +81,15 @@ def test_grasps_from_above_work_and_from_below_do_not(scene):
         for q, T_obj in zip(f.keyframes, poses, strict=False):
             T_ee = multiply(scene.robots["arm"].base_pose, task.arm.end_effector(q))
             assert max(distance(T_ee, multiply(T_obj, contacts[f.index].T_obj_ee))) < 1e-4
+
+
+def test_an_object_is_let_go_only_where_it_may_be(scene):
+    task, poses = manipulation(scene), line(scene)
+    release = np.arange(len(poses)) % 5 == 2  # 2, 7
+    found = feasible_contacts(task, FROM_ABOVE, poses, release, np.random.default_rng(0), 2, 4)
+    assert {len(f.keyframes) - 1 for f in found} == {7}
+    nowhere = np.arange(len(poses)) < 2
+    assert not feasible_contacts(task, FROM_ABOVE, poses, nowhere, np.random.default_rng(0), 2, 4)
 
 
 def test_a_wall_blocks_the_side_that_it_is_on(tmp_path):
@@ -108,7 +122,7 @@ def test_the_hand_alone_reaches_at_least_as_far_as_the_robot(tmp_path):
             if not ok[0]:
                 continue
             assert bound[k] >= 0
-            assert len(carried(task, contact, q[0], poses)) - 1 <= bound[k]
+            assert len(carried(task, contact, q[0], poses, anywhere(poses))) - 1 <= bound[k]
 
 
 def random_rotations(rng, count):
@@ -127,7 +141,7 @@ def test_what_is_out_of_reach_is_not_found(scene):
     far = np.array([pose((1.5, 0.0, 0.04))])
     assert not reachable(task, FROM_ABOVE, far[0], np.random.default_rng(0))[0].any()
     away = line(scene, (1.6, -0.15, 0.04), 40)
-    found = feasible_contacts(task, FROM_ABOVE, away, np.random.default_rng(0), 2, 4)
+    found = feasible_contacts(task, FROM_ABOVE, away, anywhere(away), np.random.default_rng(0), 2, 4)
     assert found and all(2 <= len(f.keyframes) - 1 < 39 for f in found)
 
 

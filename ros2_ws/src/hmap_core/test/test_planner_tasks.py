@@ -46,14 +46,13 @@ def test_a_panda_touches_a_box_past_a_wall(tmp_path):
     assert_solves(made, SegmentKind.TOUCH)
 
 
-@pytest.mark.xfail(reason="an arm without fingers has nothing to touch with yet")
+@pytest.mark.xfail(reason="the hull of the link that an arm without fingers touches with is too coarse for contact")
 def test_an_iiwa_touches_a_box_past_a_wall(tmp_path):
     scene = carry(tmp_path, model="iiwa", mode="kinematic", motion="planar", goal=(0.6, -0.3, 0.04))
     made = plan(scene, seed=1, time_limit=TIME_LIMIT)
     assert_solves(made, SegmentKind.TOUCH)
 
 
-@pytest.mark.xfail(reason="an arm without fingers has nothing to touch with yet")
 def test_an_arm_without_gripper_grasps_nothing_and_says_so(tmp_path):
     with pytest.raises(HmapError) as error:
         plan(carry(tmp_path, model="iiwa", motion="planar", goal=(0.6, -0.3, 0.04)), time_limit=20.0)
