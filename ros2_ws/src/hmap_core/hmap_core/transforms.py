@@ -69,7 +69,7 @@ def multiply(T_a_b: np.ndarray, T_b_c: np.ndarray) -> np.ndarray:
 
 def multiply_all(T_a_b: np.ndarray, T_b_c: np.ndarray) -> np.ndarray:
     """``T_a_c`` (M, 7) of poses (M, 7) or (7,) each."""
-    T_a_b, T_b_c = np.broadcast_arrays(np.atleast_2d(T_a_b), np.atleast_2d(T_b_c))
+    T_a_b, T_b_c = (np.array(T) for T in np.broadcast_arrays(np.atleast_2d(T_a_b), np.atleast_2d(T_b_c)))
     a, b = Rotation.from_quat(T_a_b[:, 3:]), Rotation.from_quat(T_b_c[:, 3:])
     return np.concatenate([T_a_b[:, :3] + a.apply(T_b_c[:, :3]), (a * b).as_quat()], axis=1)
 

@@ -331,7 +331,6 @@ def test_an_infeasible_path_names_the_pair():
     assert "box 0" in result.worst or "joint_position" in result.worst
 
 
-@pytest.mark.xfail(reason="a residual that is not a number is left out of the worst violation")
 def test_a_target_that_is_no_number_is_infeasible():
     world = model("panda")
     problem = KomoProblem(world.chain, (4,), no_collisions())

@@ -46,7 +46,6 @@ def test_a_panda_touches_a_box_past_a_wall(tmp_path):
     assert_solves(made, SegmentKind.TOUCH)
 
 
-@pytest.mark.xfail(reason="the hull of the link that an arm without fingers touches with is too coarse for contact")
 def test_an_iiwa_touches_a_box_past_a_wall(tmp_path):
     scene = carry(tmp_path, model="iiwa", mode="kinematic", motion="planar", goal=(0.6, -0.3, 0.04))
     made = plan(scene, seed=1, time_limit=TIME_LIMIT)
@@ -69,7 +68,6 @@ def test_the_same_seed_gives_the_same_plan(tmp_path):
     )
 
 
-@pytest.mark.xfail(reason="the plan carries the scene as loaded, which the judge compares the start with")
 def test_a_plan_starts_from_the_state_that_is_given(tmp_path):
     scene = carry(tmp_path, motion="planar")
     state = scene.start_state()

@@ -51,15 +51,21 @@ def feasible_contacts(
     manipulation: Manipulation,
     contacts: Sequence[ContactPoint],
     object_poses: np.ndarray,
+    release: np.ndarray,
     rng: np.random.Generator,
     least: int,
     enough: int,
 ) -> list[Feasible]:
     """The contacts that can be taken at object_poses[0] and carry the object to at least pose ``least`` of (M, 7).
 
-    Stops when ``enough`` were found and none that is left could serve farther than the best of them.
+    ``release`` (M,) says at which poses the object may be let go. Stops when ``enough`` were found and none that is
+    left could serve farther than the best of them.
     """
     bound = reach_bounds(manipulation, contacts, object_poses)
+    allowed = np.flatnonzero(release)
+    # the last pose up to the bound at which the object stands by itself
+    last = np.append(allowed, -1)[np.searchsorted(allowed, bound, side="right") - 1]
+    bound = np.where(bound >= 0, np.where(last <= bound, last, -1), -1)
     order = [k for k in np.lexsort((np.arange(len(contacts)), -bound)) if bound[k] >= least][:MAX_SOLVED]
     found: list[Feasible] = []
     for first in range(0, len(order), CHUNK):
@@ -69,7 +75,8 @@ def feasible_contacts(
             break
         ok, q = reachable(manipulation, [contacts[k] for k in chunk], object_poses[0], rng)
         for k, posture in zip(np.array(chunk)[ok], q[ok], strict=True):
-            keyframes = carried(manipulation, contacts[k], posture, object_poses[: bound[k] + 1])
+            ahead = slice(0, bound[k] + 1)
+            keyframes = carried(manipulation, contacts[k], posture, object_poses[ahead], release[ahead])
             if len(keyframes) > least:
                 found.append(Feasible(int(k), keyframes))
     return found
@@ -139,11 +146,14 @@ def reachable(
     return ok, q
 
 
-def carried(manipulation: Manipulation, contact: ContactPoint, q: np.ndarray, object_poses: np.ndarray) -> np.ndarray:
+def carried(
+    manipulation: Manipulation, contact: ContactPoint, q: np.ndarray, object_poses: np.ndarray, release: np.ndarray
+) -> np.ndarray:
     """Postures (m, n) of the robot that carries the object along object_poses (M, 7) as far as it can, and then leave.
 
     Args:
         q: (n,) posture in contact at the first pose.
+        release: (M,) poses at which the object may be let go.
     """
     collisions = manipulation.collisions(contact, object_poses[0], object_poses[-1])
     holding = ik_problem(manipulation, collisions, Phase.HOLD)
@@ -151,13 +161,15 @@ def carried(manipulation: Manipulation, contact: ContactPoint, q: np.ndarray, ob
     path = follow_ik(holding, targets, q, MAX_JUMP)
     if len(object_poses) == 1:
         return path
-    reach, step = len(path) - 1, 1
-    while reach > 0:
+    places = np.flatnonzero(release[: len(path)])[::-1]
+    at, step = 0, 1
+    while at < len(places) and places[at] > 0:
+        reach = places[at]
         T_end = object_poses[reach]
         leaving = ik_problem(manipulation, manipulation.collisions(contact, object_poses[0], T_end), Phase.RETREAT)
         if len(draw_back(manipulation, leaving, contact, T_end, path[reach])):
             return path[: reach + 1]
-        reach, step = reach - step, step * 2
+        at, step = at + step, step * 2
     return path[:0]
 
 

@@ -116,7 +116,13 @@ class Arm:
 
     def finger_vertices(self, opening: float) -> np.ndarray:
         """All vertices (m, 3) of the finger links in the end-effector frame; empty without a gripper."""
-        points = [hull.at(opening) for hull in self.hulls if hull.finger]
+        return self._in_end_effector([hull.at(opening) for hull in self.hulls if hull.finger])
+
+    def tip_vertices(self) -> np.ndarray:
+        """All vertices (m, 3) of what hangs on the last joint, in the end-effector frame."""
+        return self._in_end_effector([hull.vertices for hull in self.hulls if hull.frame == self.n])
+
+    def _in_end_effector(self, points: list[np.ndarray]) -> np.ndarray:
         if not points:
             return np.zeros((0, 3))
         inverse = np.linalg.inv(self.T_tip_ee)
@@ -195,7 +201,8 @@ def build_arm(model: RobotModel) -> Arm:
     for link, pieces in urdf.hulls.items():
         frame, T, slide, finger = placed[link]
         for points, radius in pieces:
-            tolerance = FINGER_TOLERANCE if finger else LINK_TOLERANCE
+            touches = finger or (model.gripper is None and frame == len(fixed))
+            tolerance = FINGER_TOLERANCE if touches else LINK_TOLERANCE
             vertices, extra = simplify_hull(points, tolerance) if len(points) > 2 else (points, 0.0)
             vertices = np.ascontiguousarray(vertices @ T[:3, :3].T + T[:3, 3])
             center, bound = bounding_sphere(vertices)

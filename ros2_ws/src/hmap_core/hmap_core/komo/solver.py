@@ -20,6 +20,7 @@ from hmap_core.komo.banded import cholesky_solve
 from hmap_core.komo.features.base import MAX_DIM, call_kernel
 
 SOS, EQ, INEQ = 0, 1, 2
+NO_NUMBER = 1e300  # a merit that is not below this is no number: some target or parameter is none
 LOOK_AHEAD = 0.05  # m beyond its margin to which a pair's distance is found, so that it can be left alone for a while
 
 
@@ -333,6 +334,8 @@ def solve(X, prefix, phase, chain, terms, cols, o):
         merit, cost, worst_eq, worst_ineq = _evaluate(
             X, prefix, phase, chain, terms, cols, o, mu, lam_terms, lam_pairs, lam_limits, H, G, s
         )
+        if not merit < NO_NUMBER:
+            return cost, BEYOND, BEYOND, iterations
         for _ in range(int(o.inner)):
             iterations += 1
             accepted = False

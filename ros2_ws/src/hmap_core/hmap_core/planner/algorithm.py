@@ -2,21 +2,25 @@
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import Code, ContactError, InputError, MotionError, PlannerError
 from hmap_core.plan_file import to_dict
-from hmap_core.planner.assembly import assemble, state_after
+from hmap_core.planner.assembly import assemble, scene_at, state_after
 from hmap_core.planner.interfaces import Backend, Progress, ProgressCallback, RobotContact, SegmentMotion
 from hmap_core.planner.local import LocalBackend
 from hmap_core.planner.motion import standing_collision
 from hmap_core.types import BodyKind, Goal, Plan, Scene, SceneState, SegmentKind
 from hmap_core.validation import check
+from hmap_core.waypoints import ObjectPath
 
 J_MAX = 40  # contacts tried at one waypoint before new waypoints are asked for (the paper's j_max)
-WAYPOINT_ROUNDS = 5  # object paths tried
+WAYPOINT_ROUNDS = 6  # object paths tried
+WAYPOINT_TIME = 10.0  # s for one of them
+GOAL_POSES = 4  # last poses of the object's path at which the goal has to be within reach
 DEFAULT_TIME_LIMIT = 60.0  # s
 _MAX_SEED = 2**31 - 1
 
@@ -46,8 +50,8 @@ class Planner:
         canceled: Callable[[], bool] | None = None,
         clouds: Mapping[str, Cloud] | None = None,
     ):
-        self.scene = scene
-        self.start = state.copy() if state is not None else scene.start_state()
+        self.scene = scene if state is None else scene_at(scene, state)
+        self.start = self.scene.start_state() if state is None else state.copy()
         self.backend = backend or LocalBackend()
         self.rng = np.random.default_rng(seed)
         self.began = time.monotonic()
@@ -64,22 +68,28 @@ class Planner:
         goal = self.scene.goal
         self._check_goal(goal)
         self._check_start(goal)
-        for _ in range(WAYPOINT_ROUNDS):
+        for attempt in range(WAYPOINT_ROUNDS):
             self._report("waypoints", text=f"path of '{goal.object}' to its goal")
-            path = self.backend.plan_waypoints(
-                self.scene, self.start, goal.object, goal, self._seed(), self._time_left()
-            )
+            path = self._waypoints(goal, attempt)
             self.counts["waypoint_plans"] += 1
             found = self._segments(goal, path.poses)
             plan = self._finished(*found) if found is not None else None
             if plan is not None:
                 return plan
             if self.last_code == Code.NO_CONTACT:
-                self._check_reach(goal)
+                self._check_reach(goal, path.poses[-GOAL_POSES:])
         raise PlannerError(
             f"no plan after {WAYPOINT_ROUNDS} object paths of '{goal.object}'; last: {self.last_failure}",
             self.last_code,
         )
+
+    def _waypoints(self, goal: Goal, attempt: int) -> ObjectPath:
+        """A path of the object. Where sliding and lifting are both allowed, every second attempt lifts."""
+        scene = self.scene
+        if scene.motion == "auto" and attempt % 2 == 1:
+            scene = replace(scene, motion="spatial")
+        limit = min(self._time_left(), WAYPOINT_TIME)
+        return self.backend.plan_waypoints(scene, self.start, goal.object, goal, self._seed(), limit)
 
     def _segments(self, goal: Goal, poses: np.ndarray) -> tuple[list[SegmentMotion], np.ndarray] | None:
         """The main loop: contacts and motions until the object is at its goal; None when a waypoint cannot be left."""
@@ -179,20 +189,20 @@ class Planner:
                     Code.START_IN_COLLISION,
                 )
 
-    def _check_reach(self, goal: Goal) -> None:
-        """Raises ContactError when no robot could hold the object at its goal, whatever the way there."""
+    def _check_reach(self, goal: Goal, last_poses: np.ndarray) -> None:
+        """Raises ContactError when no robot could bring the object along the last poses, whatever the way there."""
         there = self.start.copy()
-        there.poses[goal.object] = goal.pose
+        there.poses[goal.object] = last_poses[0]
         try:
             self.backend.propose_contacts(
-                self.scene, there, goal.object, goal.pose[None], tuple(self.scene.robots), None, 1, self._seed(),
+                self.scene, there, goal.object, last_poses, tuple(self.scene.robots), None, 1, self._seed(),
                 self._time_left(),
             )  # fmt: skip
         except ContactError as error:
             place = ", ".join(f"{v:.3f}" for v in goal.pose[:3])
             raise ContactError(
                 f"the goal of '{goal.object}' at ({place}) is out of reach of {', '.join(self.scene.robots)}: "
-                "no contact on it can be held there",
+                "no contact can bring it there",
                 Code.OUT_OF_REACH,
             ) from error
 

@@ -1,9 +1,18 @@
 """Segments put one after the other into a plan."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from hmap_core.planner.interfaces import SegmentMotion
 from hmap_core.types import BodyKind, Plan, Scene, SceneState, Segment, Trajectory
+
+
+def scene_at(scene: Scene, state: SceneState) -> Scene:
+    """The scene as it is in a state: what a plan that begins there starts from."""
+    bodies = {name: replace(body, pose=state.poses[name]) for name, body in scene.bodies.items()}
+    robots = {name: replace(robot, q=state.q[name]) for name, robot in scene.robots.items()}
+    return replace(scene, bodies=bodies, robots=robots)
 
 
 def state_after(state: SceneState, motion: SegmentMotion) -> SceneState:

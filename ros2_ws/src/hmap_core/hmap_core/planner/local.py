@@ -17,7 +17,7 @@ from hmap_core.komo.manipulation import Manipulation
 from hmap_core.planner import motion
 from hmap_core.planner.interfaces import RobotContact, SegmentMotion
 from hmap_core.types import Body, ContactPoint, Goal, Robot, Scene, SceneState
-from hmap_core.waypoints import ObjectPath, ObjectPathProblem, plan_waypoints
+from hmap_core.waypoints import ObjectPath, ObjectPathProblem, plan_waypoints, standing
 
 SURFACE_POINTS = 600  # samples of the object's surface when looking at it
 BATCH = 240  # candidates checked at once
@@ -114,10 +114,11 @@ class LocalBackend:
         for name in away:
             cleared.q[name] = scene.robots[name].model.home.copy()
         manipulation = Manipulation(scene, cleared, robot, object)
+        release = standing(scene.bodies[object], object_poses, placed_bodies(scene, state, object))
         least = min(MIN_REACH, len(object_poses) - 1)
         found = [
             RobotContact(robot, contacts[f.index], len(f.keyframes) - 1, f.keyframes, away)
-            for f in feasible_contacts(manipulation, contacts, object_poses, rng, least, ENOUGH)
+            for f in feasible_contacts(manipulation, contacts, object_poses, release, rng, least, ENOUGH)
         ]
         return sorted(found, key=lambda c: -worth(scene, c))
 
@@ -165,6 +166,7 @@ def worth(scene: Scene, contact: RobotContact) -> float:
 
 
 def hand_of(robot: Robot) -> Hand:
-    """What the contact sampler has to know of a robot's hand."""
+    """What the contact sampler has to know of a robot's hand; an arm without fingers touches with its last link."""
     arm = load_arm(robot.model)
-    return Hand(arm.finger_vertices(0.0), robot.model.gripper)
+    tip = arm.finger_vertices(0.0)
+    return Hand(tip if len(tip) else arm.tip_vertices(), robot.model.gripper)

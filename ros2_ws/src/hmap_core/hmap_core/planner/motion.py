@@ -32,6 +32,7 @@ TRANSIT_STEPS = (8, 24)  # least and most
 LIMIT_SAMPLES = 10  # per step of a path, at which the joint limits are verified
 HOME_STEPS = 100  # points of a searched way home
 HOLD_STEP = (0.04, 0.15)  # m, rad between two steps of a hold, about
+HOLD_FINENESS = (1.0, 0.3)  # shares of that step that are tried
 VERIFY_STEP = 0.001  # m any point may move between two verified configurations
 SMOOTHNESS = 1.0 / 160.0  # weight of the squared accelerations, times the number of steps cubed
 STIFFNESS = 30.0  # first penalty of the constraints, as a multiple of that weight: first guesses are nearly feasible
@@ -76,8 +77,23 @@ def solve_segment(
     for other in contact.clear:
         pieces.append(_go_home(scene, cleared, other, object, rng, deadline))
         cleared.q[other] = pieces[-1].q[-1]
-    pieces += _Segment(scene, cleared, object, contact, object_poses).solve(rng, deadline)
+    pieces += _carry(scene, cleared, object, contact, object_poses, rng, deadline)
     return _assembled(scene, state, object, contact, pieces)
+
+
+def _carry(scene, state, object: str, contact: RobotContact, object_poses: np.ndarray, rng, deadline) -> list[_Piece]:
+    """The pieces of the segment itself, with finer steps along the object's path where coarse ones cut a corner."""
+    failure = None
+    for fineness in HOLD_FINENESS:
+        try:
+            return _Segment(scene, state, object, contact, object_poses, fineness).solve(rng, deadline)
+        except _CutCorner as error:
+            failure = error
+    raise failure
+
+
+class _CutCorner(MotionError):
+    """The motion is feasible at its steps, but not between those along the object's path."""
 
 
 def standing_collision(
@@ -158,12 +174,12 @@ def _violation(
 class _Segment:
     """The KOMO problem of one segment of one robot."""
 
-    def __init__(self, scene: Scene, state: SceneState, object: str, contact: RobotContact, object_poses: np.ndarray):
+    def __init__(self, scene: Scene, state: SceneState, object: str, contact: RobotContact, object_poses, fineness):
         self.scene, self.state, self.object = scene, state, object
         self.robot, self.contact = contact.robot, contact.contact
         self.manipulation = Manipulation(scene, state, contact.robot, object)
         self.start = state.q[contact.robot]
-        self.poses, self.keyframes = _thinned(object_poses, contact.keyframes)
+        self.poses, self.keyframes = _thinned(object_poses, contact.keyframes, fineness)
         self.T_start, self.T_end = object_poses[0], object_poses[-1]
         self.collisions: CollisionModel = self.manipulation.collisions(self.contact, self.T_start, self.T_end)
 
@@ -175,14 +191,15 @@ class _Segment:
         steps = problem.steps_per_phase[Phase.TRANSIT]
         straight = self.start + np.linspace(0.0, 1.0, steps + 1)[1:, None] * (before[-1] - self.start)
         path, why = self._attempt(problem, cols, straight, before, after)
-        if path is None:
+        if path is None and not why.startswith("carrying"):
             until = min(deadline, time.monotonic() + SEARCH_TIME)
             corners = find_transit(problem.chain, cols, bit(Phase.TRANSIT), self.start, before[-1], rng, until)
             if corners is None:
                 raise MotionError(f"robot '{self.robot}' cannot get to the contact on '{self.object}': {why}")
             path, why = self._attempt(problem, cols, resampled(corners, steps), before, after)
         if path is None:
-            raise MotionError(f"robot '{self.robot}' finds no motion with its contact on '{self.object}': {why}")
+            error = _CutCorner if why.startswith("carrying") else MotionError
+            raise error(f"robot '{self.robot}' finds no motion with its contact on '{self.object}': {why}")
         return self._pieces(problem, path)
 
     def _attempt(self, problem, cols, transit, before, after) -> tuple[np.ndarray | None, str]:
@@ -272,11 +289,11 @@ class _Segment:
         ]
 
 
-def _thinned(object_poses: np.ndarray, keyframes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Every few of the dense poses (K, 7) and their postures, as far apart as HOLD_STEP; the ends are kept."""
+def _thinned(object_poses: np.ndarray, keyframes: np.ndarray, fineness: float) -> tuple[np.ndarray, np.ndarray]:
+    """Every few of the dense poses (K, 7) and their postures, about ``fineness`` HOLD_STEPs apart; ends are kept."""
     moved = np.array([distance(a, b) for a, b in zip(object_poses, object_poses[1:], strict=False)])
     size = np.concatenate([[0.0], np.cumsum(np.maximum(moved[:, 0] / HOLD_STEP[0], moved[:, 1] / HOLD_STEP[1]))])
-    count = max(2, int(np.ceil(size[-1])) + 1)
+    count = max(2, int(np.ceil(size[-1] / fineness)) + 1)
     keep = np.unique(np.searchsorted(size, np.linspace(0.0, size[-1], count) - 1e-9).clip(0, len(size) - 1))
     keep[-1] = len(size) - 1
     return object_poses[keep], keyframes[: len(object_poses)][keep]

@@ -3,6 +3,7 @@
 from hmap_core.waypoints.plan import DEFAULT_TIME_LIMIT, plan_waypoints
 from hmap_core.waypoints.problem import DEFAULT_MARGIN, NoObjectPath, ObjectPath, ObjectPathProblem
 from hmap_core.waypoints.shorten import smooth
+from hmap_core.waypoints.standing import standing
 
 __all__ = [
     "DEFAULT_MARGIN",
@@ -12,4 +13,5 @@ __all__ = [
     "ObjectPathProblem",
     "plan_waypoints",
     "smooth",
+    "standing",
 ]
