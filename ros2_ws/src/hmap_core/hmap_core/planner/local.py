@@ -23,7 +23,7 @@ SURFACE_POINTS = 600  # samples of the object's surface when looking at it
 BATCH = 240  # candidates checked at once
 MAX_CANDIDATES = 480  # per robot, before it is out of contacts
 ENOUGH = 4  # feasible contacts per robot after which only better ones are looked for
-STRETCH_WEIGHT = 0.4  # share of a contact's worth that is lost when the arm is stretched out
+STRETCH_WEIGHT = 0.7  # share of a contact's worth that is lost when the arm is stretched out
 SCORE_WEIGHT = 0.1  # poses of the path that one point of a contact's score is worth
 MIN_REACH = 2  # poses a contact has to serve, unless the path is shorter
 
