@@ -36,7 +36,7 @@ HOLD_FINENESS = (1.0, 0.3)  # shares of that step that are tried
 VERIFY_STEP = 0.001  # m any point may move between two verified configurations
 SMOOTHNESS = 1.0 / 160.0  # weight of the squared accelerations, times the number of steps cubed
 STIFFNESS = 30.0  # first penalty of the constraints, as a multiple of that weight: first guesses are nearly feasible
-SEARCH_TIME = 2.0  # s that may go into one joint-space search, at most
+SEARCH_TIME = 10.0  # s that may go into one joint-space search; its number of checks ends it earlier
 # share of the joint limits that is used: quick in the air, slow with an object, so that friction holds and a controller
 # follows within the clearance
 FREE_SPEED, FREE_ACCELERATION = 0.6, 0.3

@@ -14,7 +14,7 @@ from hmap_core.komo.solver import path_violations
 
 RESOLUTION = 0.05  # rad between two checked configurations of an edge
 RANGE = 0.8  # rad, longest extension of the tree
-CHECKS = 40_000  # configurations after which the search gives up, whatever the clock says
+CHECKS = 20_000  # configurations after which the search gives up, whatever the clock says
 SHORTCUTS = 60
 _LOCK = threading.Lock()  # OMPL's random numbers are one stream for the whole process
 _MAX_SEED = 2**31 - 1
