@@ -86,9 +86,11 @@ class HmapNode(Node):
 
         return safe
 
-    def subscribe(self, message_type: type, topic: str, callback: Callable, qos: QoSProfile | int = 10):
-        """Subscribe with a guarded callback."""
-        return self.create_subscription(message_type, topic, self.guarded(callback), qos, callback_group=self.group)
+    def subscribe(self, message_type: type, topic: str, callback: Callable, qos: QoSProfile | int = 10, **options):
+        """Subscribe with a guarded callback; ``options`` are those of rclpy."""
+        return self.create_subscription(
+            message_type, topic, self.guarded(callback), qos, callback_group=self.group, **options
+        )
 
     def serve(self, service_type: type, name: str, handler: Callable[[Any, Any], None]):
         """Offer a service. ``handler`` fills the response; what it raises becomes the response's error."""

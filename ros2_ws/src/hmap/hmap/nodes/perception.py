@@ -1,11 +1,13 @@
 """The node ``perception``: fuses what the sensors say into ``world_state`` and clouds of the objects."""
 
 import sys
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, Image, JointState
 
@@ -81,8 +83,7 @@ class Perception(HmapNode):
             parts = PictureParts(camera)
             for part, (topic, kind) in CAMERA_TOPICS.items():
                 name = f"{self._naming.camera(camera.name)}/{topic}"
-                take = partial(self._take_picture, parts, part)
-                self._scene_subscriptions.append(self.subscribe(kind, name, take, LATCHED))
+                self._follow_camera(kind, name, partial(self._take_picture, parts, part))
         if previous is not None and (previous.task, previous.seed) == (scene.task, scene.seed):
             self._report_new([body for name, body in scene.bodies.items() if name not in previous.bodies])
         self.set_status("waiting for measurements", task=scene.task, seed=scene.seed)
@@ -90,6 +91,18 @@ class Perception(HmapNode):
     def _follow_body(self, name: str):
         take = partial(self._take_pose, name)
         return self.subscribe(PoseStamped, self._naming.body_pose(name), take, qos_profile_sensor_data)
+
+    def _follow_camera(self, kind: type, name: str, take: Callable) -> None:
+        """``world`` keeps its last picture for who comes late; most drivers keep none, and are followed without."""
+        followed = []
+
+        def follow_live(_) -> None:
+            if not followed:
+                followed.append(self.subscribe(kind, name, take, qos_profile_sensor_data))
+                self._scene_subscriptions.extend(followed)
+
+        events = SubscriptionEventCallbacks(incompatible_qos=follow_live)
+        self._scene_subscriptions.append(self.subscribe(kind, name, take, LATCHED, event_callbacks=events))
 
     def _report_new(self, bodies: list) -> None:
         if bodies:

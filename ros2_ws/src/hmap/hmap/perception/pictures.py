@@ -11,6 +11,7 @@ from hmap_msgs_py.images import depth_from_message, image_from_message
 from hmap_msgs_py.times import seconds_from_message
 
 PARTS = ("depth", "info", "mask", "names")
+KEPT = 30  # incomplete pictures per camera: a mask takes its time, while depth images go on coming; 1 s at 30 Hz
 
 
 @dataclass(frozen=True)
@@ -35,21 +36,27 @@ class Picture:
 
 @dataclass
 class PictureParts:
-    """Collects depth, mask, names and camera info of the same stamp."""
+    """Collects depth, mask, names and camera info of the same stamp, in whatever order and however late they come."""
 
     camera: Camera
-    _parts: dict[str, object] = field(default_factory=dict)
+    _incomplete: dict[tuple[int, int], dict[str, object]] = field(default_factory=dict)  # stamp -> parts
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def add(self, part: str, message) -> Picture | None:
         """Take in a message; the picture, once it is complete."""
+        stamp = (message.header.stamp.sec, message.header.stamp.nanosec)
         with self._lock:
-            self._parts[part] = message
-            stamps = {(m.header.stamp.sec, m.header.stamp.nanosec) for m in self._parts.values()}
-            if len(self._parts) < len(PARTS) or len(stamps) > 1:
+            parts = self._incomplete.setdefault(stamp, {})
+            parts[part] = message
+            if len(parts) < len(PARTS):
+                self._forget()
                 return None
-            parts, self._parts = self._parts, {}
+            del self._incomplete[stamp]
         return self._picture(**parts)
+
+    def _forget(self) -> None:
+        while len(self._incomplete) > KEPT:
+            del self._incomplete[next(iter(self._incomplete))]  # the first that came
 
     def _picture(self, depth, info, mask, names) -> Picture:
         K = np.array(info.k, float).reshape(3, 3)
