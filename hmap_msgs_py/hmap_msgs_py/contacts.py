@@ -77,11 +77,6 @@ def feasibility_to_message(
     return ContactFeasibility(feasible=True, reach=reach, keyframes=_flat(keyframes), clear=list(clear))
 
 
-def feasibility_from_message(message: ContactFeasibility, joints: int) -> np.ndarray | None:
-    """The postures (P, joints) of a feasible contact; None for one that is not."""
-    return keyframes_from_message(message, joints) if message.feasible else None
-
-
 def keyframes_from_message(message: ContactCandidate | ContactFeasibility, joints: int) -> np.ndarray:
     """The arm postures (P, joints) in rad; P is 0 where none are given."""
     if len(message.keyframes) % joints:

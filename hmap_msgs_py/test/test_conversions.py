@@ -293,11 +293,12 @@ def test_bad_contact_is_refused(change):
 def test_feasibility_round_trip():
     keyframes = np.arange(14.0).reshape(2, 7)
     message = over_the_wire(contacts.feasibility_to_message(keyframes))
-    assert message.reach == 1 and np.array_equal(contacts.feasibility_from_message(message, 7), keyframes)
+    assert message.reach == 1 and np.array_equal(contacts.keyframes_from_message(message, 7), keyframes)
     refused = contacts.feasibility_to_message(None)
-    assert refused.error.code == ErrorCode.NO_CONTACT and contacts.feasibility_from_message(refused, 7) is None
+    assert not refused.feasible and refused.error.code == ErrorCode.NO_CONTACT
+    assert len(contacts.keyframes_from_message(refused, 7)) == 0
     with pytest.raises(checks.ConversionError, match="rows of 7"):
-        contacts.feasibility_from_message(ContactFeasibility(feasible=True, keyframes=[0.0] * 8), 7)
+        contacts.keyframes_from_message(ContactFeasibility(feasible=True, keyframes=[0.0] * 8), 7)
 
 
 # --- plans ---

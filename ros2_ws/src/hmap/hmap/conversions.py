@@ -116,15 +116,6 @@ def _same_names(what: str, given, known, code: Code) -> None:
         raise InputError(f"{what} of the world state: unknown {unknown}, missing {missing}", code)
 
 
-def observed_scene(scene: Scene, state: SceneState) -> Scene:
-    """The scene as if it started in a state."""
-    return replace(
-        scene,
-        bodies={name: replace(body, pose=state.poses[name].copy()) for name, body in scene.bodies.items()},
-        robots={name: replace(robot, q=state.q[name].copy()) for name, robot in scene.robots.items()},
-    )
-
-
 def known_object(scene: Scene, name: str) -> str:
     """The name, when it is that of a body that may move.
 

@@ -10,7 +10,7 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from visualization_msgs.msg import MarkerArray
 
-from hmap.conversions import known_object, observed_scene, plan_to_message
+from hmap.conversions import known_object, plan_to_message
 from hmap.naming import Naming
 from hmap.node import LATCHED, HmapNode, run
 from hmap.requests import Caller, time_limit
@@ -167,7 +167,7 @@ class Supervisor(HmapNode):
         _, state = self._observer.state(self._state_patience)
         began = time.monotonic()
         plan = planner.plan(
-            observed_scene(scene, state),
+            scene,
             state=state,
             seed=int(job.goal.seed) + attempt,
             time_limit=limit,

@@ -11,6 +11,8 @@ from hmap.world.loop import Motion, WorldLoop
 from hmap_core.exceptions import HmapError
 from hmap_core.simulation.controllers import JointTrajectory, Outcome, Tolerances
 from hmap_core.types import Robot
+from hmap_msgs_py.checks import ConversionError
+from hmap_msgs_py.times import joint_trajectory_from_message, seconds_from_message
 
 POLL = 0.05  # s of real time between looks at a cancel request; feedback is sent as often
 
@@ -53,7 +55,7 @@ class ControllerActions:
         try:
             trajectory, tolerances = self._command(handle.request)
             motion = self._loop.follow(self._robot.name, trajectory, tolerances)
-        except (HmapError, ValueError) as error:
+        except (HmapError, ConversionError) as error:
             result.error_code, result.error_string = FollowJointTrajectory.Result.INVALID_GOAL, str(error)
             handle.abort()
             return result
@@ -64,21 +66,13 @@ class ControllerActions:
         return result
 
     def _command(self, goal: FollowJointTrajectory.Goal) -> tuple[JointTrajectory, Tolerances]:
-        points = goal.trajectory.points
-        names = tuple(self._joints.get(name, name) for name in goal.trajectory.joint_names)
-        has_velocities = bool(points) and all(len(p.velocities) for p in points)
-        trajectory = JointTrajectory(
-            names,
-            np.array([p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points]),
-            _table([p.positions for p in points], "positions"),
-            _table([p.velocities for p in points], "velocities") if has_velocities else None,
-        )
-        return trajectory, self._tolerances(goal)
+        samples = joint_trajectory_from_message(goal.trajectory, list(self._joints))
+        return JointTrajectory(self._robot.model.joint_names, *samples), self._tolerances(goal)
 
     def _tolerances(self, goal: FollowJointTrajectory.Goal) -> Tolerances:
         """The goal's own tolerances over the defaults; a negative one means any."""
         default = Tolerances()
-        goal_time = goal.goal_time_tolerance.sec + 1e-9 * goal.goal_time_tolerance.nanosec
+        goal_time = seconds_from_message(goal.goal_time_tolerance)
         return Tolerances(
             path=self._per_joint(goal.path_tolerance, default.path),
             goal=self._per_joint(goal.goal_tolerance, default.goal),
@@ -123,12 +117,6 @@ class ControllerActions:
         message.actual.positions, message.actual.velocities = tracking.q_actual.tolist(), tracking.qd_actual.tolist()
         message.error.positions = tracking.error.tolist()
         return message
-
-
-def _table(rows, what: str) -> np.ndarray:
-    if len({len(row) for row in rows}) > 1:
-        raise ValueError(f"the points of the trajectory have different numbers of {what}")
-    return np.array([list(row) for row in rows], float)
 
 
 def _end(handle: ServerGoalHandle, motion: Motion) -> None:
