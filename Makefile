@@ -47,7 +47,7 @@ $(STAMPS)/packages: $(STAMPS)/interfaces $(addsuffix /setup.py,$(PACKAGES))
 
 # Compiles the planner's hot loops into the caches, so that no user waits for it.
 $(STAMPS)/precompiled: $(STAMPS)/packages $(CORE_FILES)
-	if [ -f $(SOURCES)/hmap_core/hmap_core/precompile.py ]; then $(VENV)/bin/python -m hmap_core.precompile; fi
+	$(VENV)/bin/python -m hmap_core.precompile
 	touch $@
 
 # Renews requirements.lock from requirements.txt, in an environment of its own.

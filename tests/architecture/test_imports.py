@@ -31,7 +31,7 @@ LAYERS = (
     {"komo", "validation"},
     {"waypoints", "contacts", "execution"},
     {"planner"},
-    {"baselines", "benchmark", "learning", "evaluation", "viz"},
+    {"viz"},
     {"precompile"},
     {"cli"},
     {"__main__"},

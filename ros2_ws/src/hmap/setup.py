@@ -20,7 +20,7 @@ setup(
     author="The hmap authors",
     license="Apache-2.0",
     python_requires=">=3.11",
-    install_requires=["hmap_core", "hmap_msgs_py", "hmap_scenes", "rosbags"],
+    install_requires=["hmap_core", "hmap_msgs_py", "hmap_scenes", "numpy", "rosbags"],
     packages=find_packages(exclude=["test"]),
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),

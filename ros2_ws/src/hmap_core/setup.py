@@ -15,7 +15,6 @@ setup(
         "coacd",
         "coal",
         "hmap_scenes",
-        "jsonschema",
         "matplotlib",
         "numba",
         "numpy",
@@ -29,7 +28,6 @@ setup(
         "trimesh",
     ],
     packages=find_packages(exclude=["test"]),
-    package_data={PACKAGE: ["**/*.json", "**/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

@@ -234,7 +234,6 @@ def test_a_users_object_and_robot_lie_beside_the_task(task, tmp_path: Path) -> N
 
 
 def test_a_decomposed_mesh_loads(task, tmp_path: Path) -> None:
-    pytest.importorskip("coacd")
     trimesh.creation.annulus(0.02, 0.05, 0.05, sections=16).export(tmp_path / "ring.stl")
     parts = decompose(tmp_path / "ring.stl")
     assert len(parts) > 2

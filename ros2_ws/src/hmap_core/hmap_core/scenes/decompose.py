@@ -1,17 +1,18 @@
 """Splits a concave mesh into convex parts: ``python -m hmap_core.scenes.decompose cup.obj``.
 
 Done once, by hand, and not when a scene is loaded: the parts are files that can be looked at and shared, and loading
-stays fast and repeatable. It prints the ``parts`` for a scene file. Needs the package ``coacd``.
+stays fast and repeatable. It prints the ``parts`` for a scene file.
 """
 
 import argparse
 import sys
 from pathlib import Path
 
+import coacd
 import numpy as np
 import trimesh
 
-from hmap_core.exceptions import HmapError, InputError
+from hmap_core.exceptions import HmapError
 from hmap_core.scenes import meshes
 
 CONCAVITY = 0.05  # share of the mesh's size by which a part may differ from its hull
@@ -23,12 +24,8 @@ def decompose(path: Path, concavity: float = CONCAVITY) -> list[Path]:
     """Writes the convex parts of a mesh beside it, as ``<name>_part<i>.obj``, and returns their paths.
 
     Raises:
-        InputError: the mesh cannot be read or written, or ``coacd`` is not installed.
+        InputError: the mesh cannot be read.
     """
-    try:
-        import coacd  # optional: only this command needs it
-    except ImportError as error:
-        raise InputError("convex decomposition needs the package coacd: pip install coacd") from error
     mesh = meshes.read_mesh(path)
     coacd.set_log_level("error")
     source = coacd.Mesh(np.asarray(mesh.vertices, float), np.asarray(mesh.faces))
