@@ -53,15 +53,19 @@ class Naming:
         return self._joints("finger_joint", robot, model.gripper.joint_names if model.gripper else ())
 
     def arm_action(self, robot: str) -> str:
+        """Name of an arm's FollowJointTrajectory action."""
         return self._formats["arm_action"].format(robot=robot)
 
     def gripper_action(self, robot: str) -> str:
+        """Name of a gripper's GripperCommand action."""
         return self._formats["gripper_action"].format(robot=robot)
 
     def camera(self, camera: str) -> str:
+        """Namespace of a camera's topics."""
         return self._formats["camera"].format(camera=camera)
 
     def body_pose(self, body: str) -> str:
+        """Topic of a body's pose."""
         return self._formats["body_pose"].format(body=body)
 
     def _joints(self, key: str, robot: str, joints) -> list[str]:

@@ -30,6 +30,8 @@ class Shape:
 
 
 class BodyKind(StrEnum):
+    """What may happen to a body."""
+
     FIXED = "fixed"  # never moves
     MOVABLE = "movable"  # may be moved by contact
     TOOL = "tool"  # movable, and may be held and used as a manipulator
@@ -169,12 +171,15 @@ class SceneState:
     poses: dict[str, np.ndarray]  # body -> T_world_body (7,)
 
     def copy(self) -> "SceneState":
+        """The same state with arrays of its own."""
         return SceneState(
             {k: v.copy() for k, v in self.q.items()}, dict(self.gripper), {k: v.copy() for k, v in self.poses.items()}
         )
 
 
 class ContactKind(StrEnum):
+    """How a manipulator carries an object."""
+
     TOUCH = "touch"  # kinematic: a fingertip on the surface carries the object
     GRASP = "grasp"  # two fingers close on opposite faces
     PUSH = "push"  # closed fingers push a face, sticking
@@ -194,6 +199,8 @@ class ContactPoint:
 
 
 class SegmentKind(StrEnum):
+    """The contact mode of a segment; the same values as :class:`ContactKind`, and the transit."""
+
     TRANSIT = "transit"  # moves without touching anything
     TOUCH = "touch"
     GRASP = "grasp"

@@ -24,10 +24,10 @@ from hmap_core.types import BodyKind, Scene
 from hmap_msgs.msg import Scene as SceneMessage
 from hmap_msgs.srv import AddBody, GetScene, LoadScene, MoveBody, RemoveBody, Reset
 from hmap_msgs_py.poses import pose_from_message, pose_to_message
+from hmap_msgs_py.times import time_to_message
 
 FRAME = "world"
 MOVED = 0.003  # m or rad; a picture is taken again when something has moved this far
-NANOSECONDS = 10**9
 
 
 class WorldNode(HmapNode):
@@ -85,9 +85,9 @@ class WorldNode(HmapNode):
         self._offer_scene()
 
     def _describe(self, response) -> None:
-        scene, state, velocity = self._loop.call(lambda: (self._loop.scene, self._loop.world.state(), None))
+        scene, state = self._loop.call(lambda: (self._loop.scene, self._loop.world.state()))
         response.scene = scene_to_message(scene)
-        response.world = state_to_message(scene, state, self._stamp(self._loop.world.time))
+        response.world = state_to_message(scene, state, time_to_message(self._loop.world.time))
 
     def _add(self, request, response) -> None:
         body = body_from_message(request.body)
@@ -146,7 +146,7 @@ class WorldNode(HmapNode):
     def _publish(self, world: SimulatedWorld) -> None:
         if self.stopping.is_set():
             return
-        stamp = self._stamp(world.time)
+        stamp = time_to_message(world.time)
         if self._due("clock"):
             self._clock_topic.publish(Clock(clock=stamp))
         if self._due("joints"):
@@ -184,7 +184,7 @@ class WorldNode(HmapNode):
     def _picture(self, world: SimulatedWorld) -> None:
         self._pictured = self._configuration(world)
         for name, publisher in list(self._cameras.items()):
-            publisher.publish(world.render(name), self._stamp(world.time))
+            publisher.publish(world.render(name), time_to_message(world.time))
 
     def _configuration(self, world: SimulatedWorld) -> np.ndarray:
         state = world.state()
@@ -193,10 +193,6 @@ class WorldNode(HmapNode):
         if self._pictured is not None and self._pictured.shape != configuration.shape:
             self._pictured = np.full_like(configuration, np.inf)  # a body came or went
         return configuration
-
-    def _stamp(self, seconds: float) -> Time:
-        nanoseconds = round(seconds * NANOSECONDS)
-        return Time(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -24,4 +24,5 @@ class NoProposer:
     """Proposes nothing: every contact is sampled."""
 
     def propose(self, state: SceneState, scene: Scene, object: str, waypoints: np.ndarray) -> list[ContactPoint]:
+        """None."""
         return []

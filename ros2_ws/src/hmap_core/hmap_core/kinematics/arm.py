@@ -66,6 +66,7 @@ class Arm:
 
     @property
     def n(self) -> int:
+        """Number of joints."""
         return len(self.prismatic)
 
     def frames(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

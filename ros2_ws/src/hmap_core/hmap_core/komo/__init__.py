@@ -1,0 +1,1 @@
+"""KOMO: paths of joints under objectives and constraints by phase; see ``docs/komo.md``."""

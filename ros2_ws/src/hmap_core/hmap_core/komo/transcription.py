@@ -45,6 +45,7 @@ class SolverOptions:
     activity: float = 0.01
 
     def pack(self) -> Options:
+        """The options as the compiled solver takes them."""
         return Options(*(float(getattr(self, name)) for name in Options._fields))
 
 
@@ -101,6 +102,7 @@ class KomoProblem:
 
     @property
     def steps(self) -> int:
+        """T, over all phases."""
         return sum(self.steps_per_phase)
 
     def last(self, phase: int) -> int:
@@ -113,6 +115,7 @@ class KomoProblem:
         return range(end - self.steps_per_phase[phase], end)
 
     def add(self, objective: Objective) -> None:
+        """One more objective; ``solve`` looks at all that were added."""
         self.objectives.append(objective)
 
     def arrays(self) -> Collisions:
@@ -122,6 +125,7 @@ class KomoProblem:
         return self._arrays
 
     def phase_of_step(self) -> np.ndarray:
+        """Index of the phase of each step, (T,); a mode switch is the last step of the phase before it."""
         return np.repeat(np.arange(len(self.steps_per_phase)), self.steps_per_phase).astype(np.int64)
 
     def terms(self) -> Terms:

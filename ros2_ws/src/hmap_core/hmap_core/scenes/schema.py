@@ -7,6 +7,7 @@ from pydantic import BeforeValidator, Field, StrictBool, StrictInt, WithJsonSche
 from pydantic_core import PydanticCustomError
 
 from hmap_core import transforms
+from hmap_core.scenes.arrays import QUATERNION_TOLERANCE
 from hmap_core.scenes.fields import (
     Name,
     NonNegative,
@@ -22,7 +23,6 @@ from hmap_core.scenes.fields import (
 from hmap_core.types import ShapeKind, TaskMode
 
 SCHEMA_VERSION = 1
-QUATERNION_TOLERANCE = 1e-3  # how far a quaternion's norm may be from 1
 MAX_FRICTION = 5.0  # lateral Coulomb coefficient
 MAX_IMAGE_SIDE = 4096  # pixels
 MAX_MASS = 100.0  # kg

@@ -7,10 +7,12 @@ class Follow:
     """Motion along the points of a trajectory, cubic with velocities and straight without; rests after the end."""
 
     def __init__(self, start: float, times: np.ndarray, positions: np.ndarray, velocities: np.ndarray | None):
+        """From ``start`` (s) on, positions (N, n) in rad and velocities (N, n) in rad/s at ``times`` (N,) after it."""
         self._start, self._times, self._q, self._qd = start, times, positions, velocities
         self.end = start + float(times[-1])
 
     def at(self, now: float) -> tuple[np.ndarray, np.ndarray]:
+        """Positions (n,) in rad and velocities (n,) in rad/s at a time (s)."""
         t = now - self._start
         if t >= self._times[-1]:
             return self._q[-1].copy(), np.zeros(self._q.shape[1])
@@ -36,6 +38,7 @@ class Stop:
         self.end = start + self._duration
 
     def at(self, now: float) -> tuple[np.ndarray, np.ndarray]:
+        """Positions (n,) in rad and velocities (n,) in rad/s at a time (s)."""
         if now >= self.end:
             return self._q + 0.5 * self._duration * self._qd, np.zeros_like(self._qd)
         t = max(0.0, now - self._start)

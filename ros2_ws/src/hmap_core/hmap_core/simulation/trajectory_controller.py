@@ -55,6 +55,7 @@ class Tracking:
 
     @property
     def error(self) -> np.ndarray:
+        """Desired minus actual positions (n,), rad."""
         return self.q - self.q_actual
 
 
