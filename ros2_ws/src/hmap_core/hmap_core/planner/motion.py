@@ -126,8 +126,11 @@ def _go_home(scene: Scene, state: SceneState, robot: str, object: str, rng, dead
         corners = find_transit(manipulation.model.chain, cols, 1, start, home, rng, deadline)
         if corners is None:
             raise MotionError(f"robot '{robot}' finds no way home to make room: {result.worst}")
-        path = resampled(corners, HOME_STEPS)
-        path = np.concatenate([start[None], path])
+        path = np.concatenate([start[None], resampled(corners, HOME_STEPS)])
+        too_close, pair = _violation(manipulation, verification(cols), path, 1)
+        if pair >= 0:
+            near = " and ".join(collisions.pair_name(pair))
+            raise MotionError(f"robot '{robot}' on its way home: {near} are {too_close * 1e3:.1f} mm too close")
     timed = _timed(scene, robot, path, FREE_SPEED, FREE_ACCELERATION)
     opening = np.full(len(timed), state.gripper[robot])
     return _Piece(robot, SegmentKind.TRANSIT, timed, opening)

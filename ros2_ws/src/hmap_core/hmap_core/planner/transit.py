@@ -1,23 +1,20 @@
 """A way for the arm when optimisation alone finds none: RRTConnect in joint space, as a first guess for KOMO."""
 
-import threading
 import time
 
 import numpy as np
 from ompl import base as ob
 from ompl import geometric as og
-from ompl import util as ou
 
 from hmap_core.collision.scene_model import Collisions
 from hmap_core.kinematics.chain import Chain
 from hmap_core.komo.solver import path_violations
+from hmap_core.waypoints.ompl_seeding import box, seeded
 
 RESOLUTION = 0.05  # rad between two checked configurations of an edge
 RANGE = 0.8  # rad, longest extension of the tree
 CHECKS = 20_000  # configurations after which the search gives up, whatever the clock says
 SHORTCUTS = 60
-_LOCK = threading.Lock()  # OMPL's random numbers are one stream for the whole process
-_MAX_SEED = 2**31 - 1
 
 
 class _Free:
@@ -59,9 +56,7 @@ def find_transit(
         deadline: ``time.monotonic()`` after which to give up.
     """
     free = _Free(chain, cols, mask)
-    with _LOCK:
-        ou.setLogLevel(ou.LOG_NONE)
-        ou.RNG.setSeed(int(rng.integers(1, _MAX_SEED)))
+    with seeded(rng):
         path = _connect(free, chain, start, goal, deadline)
     return None if path is None else _shortened(free, path, rng)
 
@@ -69,11 +64,7 @@ def find_transit(
 def _connect(free: _Free, chain: Chain, start, goal, deadline) -> np.ndarray | None:
     n = len(start)
     space = ob.RealVectorStateSpace(n)
-    bounds = ob.RealVectorBounds(n)
-    for i in range(n):
-        bounds.setLow(i, float(min(chain.lower[i], start[i], goal[i])))
-        bounds.setHigh(i, float(max(chain.upper[i], start[i], goal[i])))
-    space.setBounds(bounds)
+    space.setBounds(box(np.minimum.reduce([chain.lower, start, goal]), np.maximum.reduce([chain.upper, start, goal])))
 
     def read(state) -> np.ndarray:
         return np.array([state[i] for i in range(n)])
