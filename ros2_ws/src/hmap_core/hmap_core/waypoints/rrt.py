@@ -1,26 +1,18 @@
 """RRTConnect on the object alone (Kuffner & LaValle, ICRA 2000; here OMPL's), with exact compiled motion checks.
-
-OMPL draws its random numbers from generators that are seeded, when they are made, from one global sequence.
-``RNG.setSeed`` restarts that sequence (it warns that generators already in use keep their state); since every solve
-makes its own space, sampler and planner afterwards, seeding here makes each solve repeatable in any process. A lock
-keeps two threads from taking each other's numbers.
 """
 
-import threading
 import time
 
 import numpy as np
 from ompl import base as ob
 from ompl import geometric as og
-from ompl import util as ou
 
 from hmap_core.transforms import quaternion_multiply
 from hmap_core.waypoints.checker import ObjectChecker, planar_pose
+from hmap_core.waypoints.ompl_seeding import box, seeded
 
 # longest step of a tree as a fraction of the space's extent, and motions checked before the next is tried
 ROUNDS = ((0.3, 400), (0.1, 800), (0.03, 1600))
-_LOCK = threading.Lock()
-_MAX_SEED = 2**31 - 1
 
 
 class _Planar:
@@ -29,11 +21,7 @@ class _Planar:
     def __init__(self, start: np.ndarray, bounds: np.ndarray, radius: float):
         self._start = start
         self.space = ob.SE2StateSpace()
-        box = ob.RealVectorBounds(2)
-        for k in range(2):
-            box.setLow(k, float(bounds[0, k]))
-            box.setHigh(k, float(bounds[1, k]))
-        self.space.setBounds(box)
+        self.space.setBounds(box(bounds[0, :2], bounds[1, :2]))
         self.space.setSubspaceWeight(0, 1.0)
         self.space.setSubspaceWeight(1, radius)
 
@@ -52,11 +40,7 @@ class _Spatial:
 
     def __init__(self, bounds: np.ndarray, radius: float):
         self.space = ob.SE3StateSpace()
-        box = ob.RealVectorBounds(3)
-        for k in range(3):
-            box.setLow(k, float(bounds[0, k]))
-            box.setHigh(k, float(bounds[1, k]))
-        self.space.setBounds(box)
+        self.space.setBounds(box(*bounds))
         self.space.setSubspaceWeight(0, 1.0)
         self.space.setSubspaceWeight(1, 2.0 * radius)  # its distance of rotations is half the angle
 
@@ -104,25 +88,14 @@ def rrt_path(
         scale: each round checks this many times its motions.
     """
     for fraction, budget in ROUNDS:
-        seed = int(rng.integers(1, _MAX_SEED))
-        path = _solve(checker, starts, goals, bounds, seed, fraction, budget * scale, deadline)
+        with seeded(rng):
+            path = _solve(checker, starts, goals, bounds, fraction, budget * scale, deadline)
         if path is not None or time.monotonic() >= deadline:
             return path
     return None
 
 
-def _solve(checker, starts, goals, bounds, seed, fraction, budget, deadline) -> np.ndarray | None:
-    level = ou.getLogLevel()
-    with _LOCK:
-        ou.setLogLevel(ou.LOG_NONE)
-        try:
-            ou.RNG.setSeed(seed)
-            return _solve_seeded(checker, starts, goals, bounds, fraction, budget, deadline)
-        finally:
-            ou.setLogLevel(level)
-
-
-def _solve_seeded(checker, starts, goals, bounds, fraction, budget, deadline) -> np.ndarray | None:
+def _solve(checker, starts, goals, bounds, fraction, budget, deadline) -> np.ndarray | None:
     radius = checker.radius
     kind = _Planar(starts[0], bounds, radius) if checker.planar else _Spatial(bounds, radius)
     si = ob.SpaceInformation(kind.space)
