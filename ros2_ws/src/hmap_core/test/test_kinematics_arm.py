@@ -1,12 +1,12 @@
 """Frames, link hulls and motion bounds of two kinds of arm, against PyBullet and the URDF's own meshes."""
 
+import xml.etree.ElementTree as ElementTree
 from functools import lru_cache
 
 import numpy as np
 import pybullet_data
 import pytest
 import trimesh
-import yourdfpy
 from core_fixtures import arm, frames, model, random_hull, random_q
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
@@ -67,19 +67,25 @@ def meshes(name: str) -> dict[str, np.ndarray]:
     """Vertices of the collision meshes of each link, in its frame."""
     file = arm(name).model.urdf
     out = {}
-    for link in yourdfpy.URDF.load(str(file), load_meshes=False, build_scene_graph=False).robot.links:
+    for link in ElementTree.parse(file).getroot().findall("link"):
         points = []
-        for collision in link.collisions:
-            mesh = collision.geometry.mesh
-            path = mesh.filename.removeprefix("package://")
+        for collision in link.findall("collision"):
+            mesh = collision.find("geometry/mesh")
+            path = mesh.get("filename").removeprefix("package://")
             path = next(p for p in (file.parent / path, file.parent.parent / path) if p.exists())
-            scale = 1.0 if mesh.scale is None else mesh.scale
-            vertices = np.asarray(trimesh.load(path, force="mesh").vertices) * scale
-            origin = np.eye(4) if collision.origin is None else collision.origin
-            points.append(vertices @ origin[:3, :3].T + origin[:3, 3])
+            vertices = np.asarray(trimesh.load(path, force="mesh").vertices) * numbers(mesh.get("scale"), 1.0)
+            origin = collision.find("origin")
+            if origin is not None:
+                turn = Rotation.from_euler("xyz", numbers(origin.get("rpy"), 0.0))
+                vertices = turn.apply(vertices) + numbers(origin.get("xyz"), 0.0)
+            points.append(vertices)
         if points:
-            out[link.name] = np.concatenate(points)
+            out[link.get("name")] = np.concatenate(points)
     return out
+
+
+def numbers(text: str | None, default: float) -> np.ndarray:
+    return np.array([float(v) for v in text.split()]) if text else np.full(3, default)
 
 
 def outside(point, vertices, radius) -> float:

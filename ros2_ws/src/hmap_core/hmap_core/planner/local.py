@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
@@ -72,19 +73,13 @@ class LocalBackend:
         found: list[RobotContact] = []
         looked_at = 0
         for name in robots or scene.robots:
-            for proposals in (informed, None):
-                batches = (
-                    [informed] if proposals else self._sampled(scene, state, object, object_poses, name, cloud, rng)
-                )
-                for batch in batches:
-                    looked_at += len(batch)
-                    found += self.check_contacts(scene, state, object, object_poses, name, batch, rng)
-                    if len([c for c in found if c.robot == name]) or time.monotonic() > deadline:
-                        break
-                if any(c.robot == name for c in found):
+            sampled = self._sampled(scene, state, object, object_poses, name, cloud, rng)
+            for batch in chain([informed] if informed else [], sampled):
+                looked_at += len(batch)
+                feasible = self.check_contacts(scene, state, object, object_poses, name, batch, rng)
+                found += feasible
+                if feasible or time.monotonic() > deadline:
                     break
-            if found and found[-1].reach == len(object_poses) - 1:
-                break
         if not found:
             raise ContactError(
                 f"none of {looked_at} contacts on '{object}' is reachable for {', '.join(robots or scene.robots)}",
