@@ -6,6 +6,7 @@ import time
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from visualization_msgs.msg import MarkerArray
@@ -21,7 +22,7 @@ from hmap.supervision.markers import markers_of
 from hmap.supervision.observer import Observer
 from hmap_core import planner, transforms
 from hmap_core.exceptions import Code, ExecutionError, HmapError, InputError, PlannerError
-from hmap_core.types import Goal, Plan, Scene, SceneState
+from hmap_core.types import Goal, Plan, Scene
 from hmap_msgs.action import Manipulate
 from hmap_msgs.msg import Plan as PlanMessage
 from hmap_msgs.msg import PlannerStatus
@@ -33,9 +34,6 @@ from hmap_msgs_py.poses import pose_from_message
 
 FRAME = "world"
 LOADING_LIMIT = 30.0  # s for a scene to be loaded
-REST_PERIOD = 0.2  # s between two looks at an object that is coming to rest, of the sensors' clock
-REST_DISTANCE = 5e-4  # m in that period; slower counts as at rest
-REST_LOOKS = 15  # looks at most
 RECOVERABLE = (Code.TRACKING_LOST, Code.GOAL_MISSED, Code.OBJECT_DROPPED)
 
 
@@ -164,7 +162,7 @@ class Supervisor(HmapNode):
     # planning
 
     def _plan(self, job: Job, scene: Scene, attempt: int, limit: float) -> Plan:
-        _, state = self._observer.state(self._state_patience)
+        state = self._observer.settled(self._state_patience)
         began = time.monotonic()
         plan = planner.plan(
             scene,
@@ -172,7 +170,7 @@ class Supervisor(HmapNode):
             seed=int(job.goal.seed) + attempt,
             time_limit=limit,
             backend=RosBackend(self._caller(job)),
-            progress=lambda p: self._say(job, p.phase, p.text, p.waypoint, p.waypoints, p.attempt),
+            progress=lambda p: self._show_planning(job, p),
             canceled=lambda: self._canceled(job),
             clouds=self._observer.clouds(),
         )
@@ -186,6 +184,10 @@ class Supervisor(HmapNode):
         self._markers.publish(markers_of(plan, stamp, FRAME))
         return plan
 
+    def _show_planning(self, job: Job, p: planner.Progress) -> None:
+        phase = PlannerStatus.CHECKING if p.phase == PlannerStatus.DONE else p.phase  # planned, but not yet executed
+        self._say(job, phase, p.text, p.waypoint, p.waypoints, p.attempt)
+
     # execution
 
     def _follow(self, job: Job, plan: Plan) -> None:
@@ -196,7 +198,7 @@ class Supervisor(HmapNode):
         job.result.executed = True
         follower.follow(plan, show)
         goal = plan.scene.goal
-        self._compare(job, goal, self._rest(goal.object).poses[goal.object])
+        self._compare(job, goal, self._observer.settled(self._state_patience).poses[goal.object])
         allowed = plan.scene.execution_tolerance
         if job.result.position_error > allowed[0] or job.result.rotation_error > allowed[1]:
             raise ExecutionError(
@@ -205,16 +207,6 @@ class Supervisor(HmapNode):
                 f"{np.rad2deg(allowed[1]):.1f} deg are allowed",
                 Code.GOAL_MISSED,
             )
-
-    def _rest(self, name: str) -> SceneState:
-        """The state once a body has come to rest, or after as long as one waits for that."""
-        stamp, state = self._observer.state(self._state_patience)
-        for _ in range(REST_LOOKS):
-            before = state.poses[name]
-            stamp, state = self._observer.state(self._state_patience, after=stamp + REST_PERIOD)
-            if np.linalg.norm(state.poses[name][:3] - before[:3]) < REST_DISTANCE:
-                break
-        return state
 
     def _compare(self, job: Job, goal: Goal, pose: np.ndarray) -> None:
         job.result.position_error, job.result.rotation_error = transforms.distance(goal.pose, pose)
@@ -229,7 +221,8 @@ class Supervisor(HmapNode):
             if job.handle.is_active:
                 job.handle.publish_feedback(Manipulate.Feedback(status=status))
         self._status_topic.publish(status)
-        self.set_status(f"{phase}: {text}" if text else phase)
+        level = DiagnosticStatus.WARN if phase == PlannerStatus.FAILED else DiagnosticStatus.OK
+        self.set_status(f"{phase}: {text}" if text else phase, level)
 
 
 def _tolerance(name: str, value: float, default: float) -> float:

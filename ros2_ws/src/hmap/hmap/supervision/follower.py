@@ -90,16 +90,22 @@ class Follower:
 
     def _watch(self, plan: Plan, sample: int) -> None:
         _, state = self._observer.state(STATE_PATIENCE)
-        for name, body in plan.scene.bodies.items():
-            if body.kind is not BodyKind.FIXED:
-                self._watch_body(plan, name, sample, state)
+        if _lost(plan, sample, state):  # or the state is of before the end of the stretch
+            state = self._observer.settled(STATE_PATIENCE)
+        for reason in _lost(plan, sample, state):
+            raise ExecutionError(reason, Code.OBJECT_DROPPED)
 
-    def _watch_body(self, plan: Plan, name: str, sample: int, state: SceneState) -> None:
-        planned = plan.trajectory.objects[name][sample]
-        distance, angle = transforms.distance(planned, state.poses[name])
+
+def _lost(plan: Plan, sample: int, state: SceneState) -> list[str]:
+    """What has become of the bodies that are far from where the plan has them."""
+    reasons = []
+    for name, body in plan.scene.bodies.items():
+        if body.kind is BodyKind.FIXED:
+            continue
+        distance, angle = transforms.distance(plan.trajectory.objects[name][sample], state.poses[name])
         if distance > LOST_POSITION or angle > LOST_ANGLE:
-            raise ExecutionError(
+            reasons.append(
                 f"{name!r} is {distance:.3f} m and {np.rad2deg(angle):.0f} deg off the plan at "
-                f"{plan.trajectory.time[sample]:.2f} s; {LOST_POSITION} m, {np.rad2deg(LOST_ANGLE):.0f} deg allowed",
-                Code.OBJECT_DROPPED,
+                f"{plan.trajectory.time[sample]:.2f} s; {LOST_POSITION} m, {np.rad2deg(LOST_ANGLE):.0f} deg allowed"
             )
+    return reasons

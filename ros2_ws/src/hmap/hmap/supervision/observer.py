@@ -4,14 +4,22 @@ import threading
 import time
 from collections.abc import Callable
 
+import numpy as np
+
 from hmap.conversions import cloud_from_message, scene_from_message, state_from_message
 from hmap.node import LATCHED, HmapNode
+from hmap_core import transforms
 from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import Code, InputError, PlannerError
 from hmap_core.types import Scene, SceneState
 from hmap_msgs.msg import ObjectClouds, WorldState
 from hmap_msgs.msg import Scene as SceneMessage
 from hmap_msgs_py.times import seconds_from_message
+
+REST_PERIOD = 0.2  # s between two looks at what is coming to rest, of the sensors' clock
+REST_DISTANCE, REST_ANGLE = 5e-4, 0.01  # m, rad that a body moves in that period; less counts as at rest
+REST_JOINT = 2e-3  # rad that a joint moves in it
+REST_LOOKS = 15  # looks at most
 
 
 class Observer:
@@ -64,6 +72,23 @@ class Observer:
                 )
             return self._state
 
+    def settled(self, patience: float) -> SceneState:
+        """Where everything is once it stands, or after as long as one waits for that.
+
+        The newest state is not enough when a motion has just ended: it may be of before the end. So the first look is
+        at a state of later than now. A clock that comes in steps may still be behind, hence the look at what moves.
+
+        Raises:
+            InputError, PlannerError: as :meth:`state`, with ``patience`` for each look.
+        """
+        stamp, state = self.state(patience, after=self._node.get_clock().now().nanoseconds * 1e-9)
+        for _ in range(REST_LOOKS):
+            before = state
+            stamp, state = self.state(patience, after=stamp + REST_PERIOD)
+            if _at_rest(before, state):
+                break
+        return state
+
     def wait_for_scene(self, task: str, seed: int, patience: float) -> Scene:
         """The scene, once it is that of the task.
 
@@ -108,3 +133,12 @@ class Observer:
         clouds = {entry.object: cloud_from_message(entry) for entry in message.clouds}
         with self._news:
             self._clouds = {name: cloud for name, cloud in clouds.items() if cloud is not None}
+
+
+def _at_rest(before: SceneState, after: SceneState) -> bool:
+    """Whether nothing has moved between two states REST_PERIOD apart."""
+    if before.poses.keys() != after.poses.keys():
+        return False  # a body came or went
+    moved = [transforms.distance(before.poses[name], pose) for name, pose in after.poses.items()]
+    arms = max((float(np.abs(q - before.q[name]).max(initial=0.0)) for name, q in after.q.items()), default=0.0)
+    return arms < REST_JOINT and all(far < REST_DISTANCE and angle < REST_ANGLE for far, angle in moved)

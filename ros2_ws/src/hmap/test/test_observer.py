@@ -1,0 +1,114 @@
+"""What is compared with a plan is where everything stands after a motion, not what was last heard of before its end."""
+
+import threading
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from hmap.conversions import scene_to_message, state_to_message
+from hmap.supervision.follower import LOST_POSITION, Follower
+from hmap.supervision.observer import REST_PERIOD, Observer
+from hmap_core.exceptions import Code, ExecutionError, InputError
+from hmap_core.scenes import load_scene
+from hmap_msgs_py.times import time_to_message
+
+OBJECT = "bar"
+FAR = 2.0 * LOST_POSITION
+PATIENCE = 30.0  # s on a busy machine
+NO_PATIENCE = 0.2  # s
+
+
+class FakeNode:
+    """Hands messages to the observer, and has a clock that stands."""
+
+    def __init__(self, seconds: float):
+        self.callbacks = {}
+        self.stopping = threading.Event()
+        self._seconds = seconds
+
+    def subscribe(self, kind, topic, callback, qos=None):
+        self.callbacks[topic] = callback
+
+    def get_clock(self):
+        return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=round(self._seconds * 1e9)))
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return load_scene("tunnel", 0)
+
+
+def observer_at(scene, seconds: float):
+    """An observer whose clock stands, and a function that tells it where the object is along x."""
+    node = FakeNode(seconds)
+    observer = Observer(node, stale_after=PATIENCE)
+    node.callbacks["scene"](scene_to_message(scene))
+
+    def tell(stamp: float, shift: float) -> None:
+        state = scene.start_state()
+        state.poses[OBJECT] = state.poses[OBJECT] + np.eye(7)[0] * shift
+        node.callbacks["world_state"](state_to_message(scene, state, time_to_message(stamp)))
+
+    return observer, tell
+
+
+def tell_later(observer, tell, states) -> threading.Thread:
+    """Tells the next state whenever the observer waits for one."""
+
+    def run() -> None:
+        for stamp, shift in states:
+            threading.Event().wait(0.05)
+            tell(stamp, shift)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    return thread
+
+
+def x(scene, state) -> float:
+    return float(state.poses[OBJECT][0] - scene.bodies[OBJECT].pose[0])
+
+
+def test_settled_waits_for_a_state_of_after_now_in_which_nothing_moves(scene):
+    observer, tell = observer_at(scene, 2.0)
+    tell(1.9, 0.0)
+    step = 1.1 * REST_PERIOD
+    moving = [(2.0 + step, 0.05), (2.0 + 2 * step, 0.08), (2.0 + 3 * step, 0.1), (2.0 + 4 * step, 0.1)]
+    thread = tell_later(observer, tell, moving)
+    assert x(scene, observer.settled(PATIENCE)) == pytest.approx(0.1)
+    thread.join()
+
+
+def test_settled_does_not_make_do_with_what_it_knows(scene):
+    observer, tell = observer_at(scene, 2.0)
+    tell(1.9, 0.0)
+    with pytest.raises(InputError) as caught:
+        observer.settled(NO_PATIENCE)
+    assert caught.value.code is Code.STALE_STATE
+
+
+def follower_and_plan(scene, observer, planned: float):
+    pose = scene.bodies[OBJECT].pose + np.eye(7)[0] * planned
+    trajectory = SimpleNamespace(objects={OBJECT: np.array([pose])}, time=np.zeros(1))
+    return Follower(None, observer, lambda: False), SimpleNamespace(scene=scene, trajectory=trajectory)
+
+
+def test_a_state_of_before_the_end_of_a_stretch_does_not_mean_that_the_object_is_lost(scene):
+    observer, tell = observer_at(scene, 2.0)
+    tell(1.9, 0.0)
+    thread = tell_later(observer, tell, [(2.1, FAR), (2.1 + 1.1 * REST_PERIOD, FAR)])
+    follower, plan = follower_and_plan(scene, observer, FAR)
+    follower._watch(plan, 0)
+    thread.join()
+
+
+def test_an_object_that_stands_elsewhere_is_lost(scene):
+    observer, tell = observer_at(scene, 2.0)
+    tell(1.9, 0.0)
+    thread = tell_later(observer, tell, [(2.1, 0.0), (2.1 + 1.1 * REST_PERIOD, 0.0)])
+    follower, plan = follower_and_plan(scene, observer, FAR)
+    with pytest.raises(ExecutionError, match=OBJECT) as caught:
+        follower._watch(plan, 0)
+    assert caught.value.code is Code.OBJECT_DROPPED
+    thread.join()
