@@ -1,5 +1,6 @@
 """The planner's types <-> messages, on top of hmap_msgs_py; what comes in is checked against its scene."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -13,6 +14,7 @@ from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import Code, InputError
 from hmap_core.planner.interfaces import RobotContact, SegmentMotion
 from hmap_core.scenes import scene_from_text, scene_to_text
+from hmap_core.scenes.fields import NAME_PATTERN
 from hmap_core.scenes.resources import resolve
 from hmap_core.types import (
     Body,
@@ -43,6 +45,10 @@ def scene_to_message(scene: Scene) -> msg.Scene:
 
 def scene_from_message(message: msg.Scene) -> Scene:
     """Raises InputError where the text is no scene."""
+    if not message.text.strip():
+        raise InputError(
+            "the scene has no text; take it from the topic `scene` or the service `get_scene`", Code.INVALID_SCENE
+        )
     return _scene(message.text)
 
 
@@ -54,8 +60,11 @@ def _scene(text: str) -> Scene:
 def body_from_message(message: msg.Body) -> Body:
     """A body of its own, such as one that is added to a scene."""
     fields = bodies.body_from_message(message)
-    if not message.name:
-        raise InputError("a body needs a name", Code.INVALID_SCENE)
+    if not re.fullmatch(NAME_PATTERN, message.name):  # it becomes part of topics
+        raise InputError(
+            f"name of a body {message.name!r}: must be a letter, then letters, digits and underscores",
+            Code.INVALID_SCENE,
+        )
     if not fields["shapes"]:
         raise InputError(f"body {message.name!r} has no shapes; at least one is needed", Code.INVALID_SCENE)
     if min(fields["mass"], fields["friction"]) < 0.0:

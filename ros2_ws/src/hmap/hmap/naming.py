@@ -4,6 +4,11 @@ In a format, ``{robot}`` is the robot's name in the scene, ``{joint}`` the joint
 number in the arm from 1, ``{camera}`` the camera's name and ``{body}`` the body's.
 """
 
+from rclpy.exceptions import InvalidTopicNameException
+from rclpy.expand_topic_name import expand_topic_name
+from rclpy.validate_full_topic_name import validate_full_topic_name
+from rclpy.validate_topic_name import validate_topic_name
+
 from hmap.node import HmapNode
 from hmap_core.exceptions import InputError
 from hmap_core.types import RobotModel
@@ -22,6 +27,7 @@ FORMATS = {
     "camera": ("camera/{camera}", "namespace of a camera's topics, which are called as realsense2_camera does"),
     "body_pose": ("vicon/{body}/{body}", "PoseStamped topic of a body; vrpn_mocap: vrpn_mocap/{body}/pose"),
 }
+ON_THE_GRAPH = ("arm_action", "gripper_action", "camera", "body_pose")  # names of topics and actions
 FIELDS = dict.fromkeys(("robot", "joint", "number", "camera", "body"), "x")
 
 
@@ -32,17 +38,19 @@ class Naming:
         """Declare the formats that the node uses.
 
         Raises:
-            InputError: a format has a field that is not known.
+            InputError: a format has a field that is not known, or gives no name of a topic.
         """
         self._formats = {key: node.parameter(f"names.{key}", *FORMATS[key]) for key in used}
         for key, text in self._formats.items():
             try:
-                text.format(**FIELDS)
+                name = text.format(**FIELDS)
             except (KeyError, ValueError, IndexError) as error:
                 allowed = ", ".join(f"{{{name}}}" for name in FIELDS)
                 raise InputError(
                     f"parameter names.{key} = {text!r}: unknown field {error}; allowed: {allowed}"
                 ) from None
+            if key in ON_THE_GRAPH:
+                _check(key, text, name)
 
     def arm_joints(self, robot: str, model: RobotModel) -> list[str]:
         """Names of the arm's joints, base to tip."""
@@ -71,3 +79,11 @@ class Naming:
     def _joints(self, key: str, robot: str, joints) -> list[str]:
         text = self._formats[key]
         return [text.format(robot=robot, joint=joint, number=i + 1) for i, joint in enumerate(joints)]
+
+
+def _check(key: str, text: str, name: str) -> None:
+    try:
+        validate_topic_name(name)
+        validate_full_topic_name(expand_topic_name(name, "node", "/"))
+    except InvalidTopicNameException as error:
+        raise InputError(f"parameter names.{key} = {text!r}: {str(error).splitlines()[0]}") from None

@@ -29,6 +29,7 @@ THREADS = 12  # per process; some wait in callbacks for an answer or for a motio
 DIAGNOSTICS_PERIOD = 1.0  # s
 RETRY_PERIOD = 0.1  # s after an error that reached the executor
 YES, NO, BAD_INPUT = 0, 1, 2  # exit codes
+STARTING = "starting"  # the status at first
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -48,9 +49,14 @@ class HmapNode(Node):
         self.group = ReentrantCallbackGroup()
         self.stopping = threading.Event()
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._status = (DiagnosticStatus.OK, "starting", {})
+        self._status = (DiagnosticStatus.OK, STARTING, {})
         self._diagnostics = self.create_publisher(DiagnosticArray, "diagnostics", 10)
         self.every(DIAGNOSTICS_PERIOD, self._publish_diagnostics)
+
+    def started(self) -> None:
+        """Say so, where the node does not say anything better of itself."""
+        if self._status[1] == STARTING:
+            self.set_status("running")
 
     def close(self) -> None:
         """Let go of whatever waits; called before the executor is shut down."""
@@ -166,7 +172,7 @@ def run(make_node: Callable[[], HmapNode], args: list[str] | None = None) -> int
     executor.add_node(node)
     spinner = threading.Thread(target=_spin, args=(executor, node), name="executor")
     spinner.start()
-    node.set_status("running")
+    node.started()
     stop.wait()
     node.close()
     executor.shutdown()

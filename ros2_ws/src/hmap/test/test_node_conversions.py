@@ -13,6 +13,7 @@ from hmap_core.planner.interfaces import RobotContact, SegmentMotion
 from hmap_core.scenes import load_scene
 from hmap_core.types import ContactKind, ContactPoint, Plan, Segment, SegmentKind, Trajectory
 from hmap_core.waypoints import ObjectPath
+from hmap_msgs.msg import Scene
 from hmap_msgs.srv import PlanWaypoints, SolveSegment
 from hmap_msgs_py.bodies import body_to_message
 from hmap_msgs_py.checks import ConversionError
@@ -109,6 +110,21 @@ def test_wrong_states_are_refused(scene, spoil, code):
 def test_body(scene):
     body = scene.bodies["tunnel_a"]
     assert equal(convert.body_from_message(body_to_message(body)), body, 1e-6)  # colours are float32
+
+
+@pytest.mark.parametrize("name", ["", "two words", "1st", "a/b", "bar\n"])
+def test_a_body_whose_name_cannot_be_part_of_a_topic_is_refused(scene, name):
+    message = body_to_message(scene.bodies["bar"])
+    message.name = name
+    with pytest.raises(HmapError, match="name of a body") as caught:
+        convert.body_from_message(message)
+    assert caught.value.code is Code.INVALID_SCENE
+
+
+def test_a_scene_without_text_says_where_to_get_one():
+    with pytest.raises(HmapError, match="get_scene") as caught:
+        convert.scene_from_message(Scene())
+    assert caught.value.code is Code.INVALID_SCENE
 
 
 def test_path(scene):

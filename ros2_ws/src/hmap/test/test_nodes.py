@@ -10,6 +10,8 @@ from rclpy.node import Node
 
 import hmap
 from hmap.commands.run import nodes
+from hmap.naming import Naming
+from hmap_core.exceptions import InputError
 
 FOLDER = Path(hmap.__file__).parent
 OFFERS = ("create_", "subscribe", "serve")  # methods that take a name on the wire
@@ -40,6 +42,38 @@ def test_no_attribute_hides_one_of_rclpy(path, names_of_rclpy):
 @pytest.mark.parametrize("name", nodes())
 def test_every_node_has_a_main(name):
     assert callable(import_module(f"hmap.nodes.{name}").main)
+
+
+class Parameters:
+    """Stands in for a node of which some parameters are set."""
+
+    def __init__(self, **given):
+        self._given = given
+
+    def parameter(self, name, default, description):
+        return self._given.get(name.removeprefix("names."), default)
+
+
+def test_formats_of_names_give_the_names_on_the_wire():
+    naming = Naming(Parameters(body_pose="vrpn_mocap/{body}/pose"), "body_pose", "camera")
+    assert naming.body_pose("bar") == "vrpn_mocap/bar/pose"
+    assert naming.camera("overhead") == "camera/overhead"
+
+
+@pytest.mark.parametrize(
+    ("key", "text"),
+    [
+        ("body_pose", "{thing}"),
+        ("body_pose", "vicon {body}"),
+        ("camera", "camera//{camera}"),
+        ("camera", ""),
+        ("arm_action", "{robot"),
+        ("gripper_action", "1/{robot}"),
+    ],
+)
+def test_a_format_that_gives_no_name_is_refused_with_the_parameter(key, text):
+    with pytest.raises(InputError, match=f"names.{key}"):
+        Naming(Parameters(**{key: text}), key)
 
 
 def test_no_topic_or_service_name_is_absolute():

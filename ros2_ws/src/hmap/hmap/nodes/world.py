@@ -136,6 +136,9 @@ class WorldNode(HmapNode):
     def _offer_bodies(self) -> None:
         scene = self._loop.scene
         movable = [body.name for body in scene.bodies.values() if body.kind is not BodyKind.FIXED]
+        gone = [self._poses.pop(name) for name in list(self._poses) if name not in movable]
+        if gone:  # between two steps, since the world's thread publishes
+            self._loop.call(lambda: [self.destroy_publisher(publisher) for publisher in gone])
         for name in movable:
             if name not in self._poses:
                 self._poses[name] = self.create_publisher(PoseStamped, self._naming.body_pose(name), 10)
@@ -159,10 +162,11 @@ class WorldNode(HmapNode):
                 self._picture(world)
 
     def _due(self, what: str) -> bool:
-        now = time.monotonic()
-        if now - self._last.get(what, -np.inf) < self._periods[what]:
+        now, period = time.monotonic(), self._periods[what]
+        due = self._last.get(what, -np.inf) + period
+        if now < due:
             return False
-        self._last[what] = now
+        self._last[what] = max(due, now - period)  # what was late makes up for it, but not for more than one
         return True
 
     def _joint_state(self, world: SimulatedWorld, stamp: Time) -> JointState:

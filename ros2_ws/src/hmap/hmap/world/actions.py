@@ -8,11 +8,11 @@ from rclpy.action.server import ServerGoalHandle
 from hmap.naming import Naming
 from hmap.node import HmapNode
 from hmap.world.loop import Motion, WorldLoop
-from hmap_core.exceptions import HmapError
+from hmap_core.exceptions import HmapError, InputError
 from hmap_core.simulation.controllers import JointTrajectory, Outcome, Tolerances
 from hmap_core.types import Robot
 from hmap_msgs_py.checks import ConversionError
-from hmap_msgs_py.times import joint_trajectory_from_message, seconds_from_message
+from hmap_msgs_py.times import joint_trajectory_from_message, seconds_from_message, time_to_message
 
 POLL = 0.05  # s of real time between looks at a cancel request; feedback is sent as often
 
@@ -87,6 +87,8 @@ class ControllerActions:
     def _grip(self, handle: ServerGoalHandle) -> GripperCommand.Result:
         command = handle.request.command
         try:
+            if not np.isfinite(command.max_effort):
+                raise InputError(f"gripper max_effort {command.max_effort} N; it has to be finite")
             motion = self._loop.grip(self._robot.name, command.position, max(0.0, command.max_effort))
         except HmapError as error:
             self._node.get_logger().warning(str(error))
@@ -112,7 +114,7 @@ class ControllerActions:
 
     def _tracking(self, tracking) -> FollowJointTrajectory.Feedback:
         message = FollowJointTrajectory.Feedback(joint_names=list(self._joints))
-        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.header.stamp = time_to_message(self._loop.world.time)  # as that of the joint states
         message.desired.positions, message.desired.velocities = tracking.q.tolist(), tracking.qd.tolist()
         message.actual.positions, message.actual.velocities = tracking.q_actual.tolist(), tracking.qd_actual.tolist()
         message.error.positions = tracking.error.tolist()
