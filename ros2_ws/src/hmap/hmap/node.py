@@ -16,6 +16,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException, ParameterException
 from rclpy.executors import Executor, ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
@@ -28,6 +29,7 @@ from hmap_msgs_py.errors import error_to_message
 THREADS = 12  # per process; some wait in callbacks for an answer or for a motion to end
 DIAGNOSTICS_PERIOD = 1.0  # s
 RETRY_PERIOD = 0.1  # s after an error that reached the executor
+RCLError, UnknownROSArgsError = rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError
 YES, NO, BAD_INPUT = 0, 1, 2  # exit codes
 STARTING = "starting"  # the status at first
 
@@ -157,7 +159,11 @@ def run(make_node: Callable[[], HmapNode], args: list[str] | None = None) -> int
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except (RCLError, UnknownROSArgsError) as error:  # a parameter file that is not there, a remapping that is none
+        print("ROS arguments:", *str(error).split(), file=sys.stderr)
+        return BAD_INPUT
     try:
         node = make_node()
     except (HmapError, ParameterException, InvalidParameterTypeException, InvalidParameterValueException) as error:

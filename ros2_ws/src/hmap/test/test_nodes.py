@@ -1,6 +1,7 @@
 """What holds for every node."""
 
 import ast
+import signal
 from importlib import import_module
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from rclpy.node import Node
 import hmap
 from hmap.commands.run import nodes
 from hmap.naming import Naming
+from hmap.node import BAD_INPUT, run
 from hmap_core.exceptions import InputError
 
 FOLDER = Path(hmap.__file__).parent
@@ -74,6 +76,14 @@ def test_formats_of_names_give_the_names_on_the_wire():
 def test_a_format_that_gives_no_name_is_refused_with_the_parameter(key, text):
     with pytest.raises(InputError, match=f"names.{key}"):
         Naming(Parameters(**{key: text}), key)
+
+
+def test_arguments_that_ros_does_not_take_are_bad_input(capfd, monkeypatch):
+    monkeypatch.setattr(signal, "signal", lambda *_: None)  # the handlers stay those of pytest
+    monkeypatch.setattr("hmap.node.ros_environment", dict)
+    arguments = ["--ros-args", "--params-file", "/nowhere/parameters.yaml"]
+    assert run(lambda: None, arguments) == BAD_INPUT
+    assert "parameters.yaml" in capfd.readouterr().err
 
 
 def test_no_topic_or_service_name_is_absolute():

@@ -6,11 +6,13 @@ import time
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image
 
 from hmap.node import LATCHED
 from hmap.nodes.perception import CAMERA_TOPICS, Perception
+from hmap_core.exceptions import InputError
 from hmap_core.scenes import load_scene
 
 FIRST_DOMAIN, DOMAINS = 120, 100  # ROS_DOMAIN_ID; each process of tests takes its own
@@ -44,3 +46,13 @@ def test_every_kind_of_camera_is_heard(ros, qos):
     perception.destroy_node()
     driver.destroy_node()
     assert heard == 1
+
+
+def test_without_a_clock_no_measurement_counts_as_fresh(ros):
+    perception = Perception()
+    perception._check_age(time.time())
+    perception.set_parameters([Parameter("use_sim_time", value=True)])
+    with pytest.raises(InputError, match="/clock"):
+        perception._check_age(time.time())
+    perception.close()
+    perception.destroy_node()

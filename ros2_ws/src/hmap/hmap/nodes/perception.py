@@ -166,7 +166,10 @@ class Perception(HmapNode):
         self.set_status("measuring", task=fusion.scene.task, seed=fusion.scene.seed)
 
     def _check_age(self, time: float) -> None:
-        age = self.get_clock().now().nanoseconds * 1e-9 - time
+        now = self.get_clock().now().nanoseconds * 1e-9
+        if now == 0.0:  # age would never show
+            raise InputError("use_sim_time is set, but no time has come on /clock", Code.STALE_STATE)
+        age = now - time
         if age > self._stale_after or not np.isfinite(age):
             raise InputError(
                 f"the oldest measurement is {age:.2f} s old; {self._stale_after:g} s are allowed", Code.STALE_STATE

@@ -49,7 +49,10 @@ class Recorder(HmapNode):
             raise InputError(f"parameter topics: {error} in {error.pattern!r}") from error
         if path.exists():
             raise InputError(f"parameter path: {path} exists already; the bag needs a new folder")
-        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"parameter path: {path}: its folder cannot be made: {error}") from error
         self._types: Typestore = typestore()
         self._lock = threading.Lock()
         self._writer = Writer(path, version=BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
