@@ -44,8 +44,7 @@ class RemoteFeasibility(LocalBackend):
         left = max(0.0, self._until - time.monotonic())
         response = self._remote.call(CheckContacts, "check_contacts", request, left)
         results = zip(contacts, response.results, strict=True)
-        found = [feasible_contact(scene, robot, contact, result) for contact, result in results if result.feasible]
-        return sorted(found, key=lambda c: (-c.reach, -c.contact.score))
+        return [feasible_contact(scene, robot, contact, result) for contact, result in results if result.feasible]
 
 
 class ContactProposer(HmapNode):

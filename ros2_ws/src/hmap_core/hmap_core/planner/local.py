@@ -98,7 +98,7 @@ class LocalBackend:
         contacts: Sequence[ContactPoint],
         rng: np.random.Generator,
     ) -> list[RobotContact]:
-        """The feasible ones of one robot's candidates, with how far they serve; best first.
+        """The feasible ones of one robot's candidates, with how far they serve; :meth:`propose_contacts` ranks them.
 
         The other robots are thought of at home; where they are not, they have to go there first (``clear``).
         """
@@ -111,11 +111,10 @@ class LocalBackend:
         manipulation = Manipulation(scene, cleared, robot, object)
         release = standing(scene.bodies[object], object_poses, placed_bodies(scene, state, object))
         least = min(MIN_REACH, len(object_poses) - 1)
-        found = [
+        return [
             RobotContact(robot, contacts[f.index], len(f.keyframes) - 1, f.keyframes, away)
             for f in feasible_contacts(manipulation, contacts, object_poses, release, rng, least, ENOUGH)
         ]
-        return sorted(found, key=lambda c: -worth(scene, c))
 
     def solve_segment(
         self,
