@@ -10,8 +10,10 @@ from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.kinematics.chain import Chain
 from hmap_core.kinematics.model import KinematicModel, PlacedArm
 from hmap_core.komo import solver
-from hmap_core.komo.banded import cholesky_solve
+from hmap_core.komo.arrays import Multipliers
+from hmap_core.komo.banded import PADDING, cholesky_solve
 from hmap_core.komo.features import axis_alignment, joint_position, pose_params, relative_pose, relative_position
+from hmap_core.komo.features.base import MAX_DIM
 from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.solver import path_violations
 from hmap_core.komo.transcription import (
@@ -58,10 +60,10 @@ def test_banded_cholesky_solves_as_numpy_does(n, bandwidth):
     band = np.abs(np.subtract.outer(np.arange(n), np.arange(n))) <= bandwidth
     full = rng.normal(size=(n, n)) * band
     full = full + full.T + 4 * (bandwidth + 1) * np.eye(n)
-    rows = np.zeros((n, bandwidth + 1))
+    rows = np.zeros((n, bandwidth + 1 + PADDING))
     for i in range(n):
-        for k in range(min(i, bandwidth) + 1):
-            rows[i, k] = full[i, i - k]
+        for k in range(min(n - 1 - i, bandwidth) + 1):
+            rows[i, k] = full[i, i + k]
     b = rng.normal(size=n)
     x = b.copy()
     assert cholesky_solve(rows.copy(), x, bandwidth)
@@ -75,8 +77,8 @@ def dense(H, n):
     N = len(H)
     full = np.zeros((N, N))
     for i in range(N):
-        for k in range(min(i, 3 * n - 1) + 1):
-            full[i, i - k] = full[i - k, i] = H[i, k]
+        for k in range(min(N - 1 - i, 3 * n - 1) + 1):
+            full[i, i + k] = full[i + k, i] = H[i, k]
     return full
 
 
@@ -84,7 +86,7 @@ def test_smoothness_is_the_sum_of_squared_differences():
     rng = np.random.default_rng(1)
     T, n, w_acc, w_vel = 6, 3, 0.7, 0.3
     X, prefix = rng.normal(size=(T, n)), rng.normal(size=(2, n))
-    H, G = np.zeros((T * n, 3 * n)), np.zeros(T * n)
+    H, G = np.zeros((T * n, 3 * n + PADDING)), np.zeros(T * n)
     cost = solver._smoothness(X, prefix, w_acc, w_vel, H, G)
 
     def value(X):
@@ -123,25 +125,33 @@ class Lagrangian:
         add(Objective(relative_position(tip, (0, 0, 0.1), (0.3, 0.2, 0.4), 2), ObjectiveType.INEQ, range(7), scale=3.0))
         add(Objective(axis_alignment(tip, (0, 0, 1), (0, 0, -1)), ObjectiveType.SOS, range(7), scale=5.0))
         add(Objective(joint_position(np.zeros(self.n)), ObjectiveType.SOS, [4], scale=0.5))
+        add(Objective(relative_position(tip, (0, 0, 0), (0, 0, 0)), ObjectiveType.EQ, range(7), order=1, target=(0, 0, 1)))
+        add(Objective(axis_alignment(tip, (1, 0, 0), (0, 0, -1)), ObjectiveType.SOS, [0, 1, 5], order=2, scale=4.0))
+        add(Objective(joint_position(np.zeros(self.n)), ObjectiveType.INEQ, [0, 1, 2, 6], order=1))
+        self.problem.tau = 0.5
         self.X = np.array([random_q(world.chain, rng) for _ in range(self.T)])
         self.X[2] = world.chain.upper + 0.05  # beyond the limits
         self.prefix = np.array([random_q(world.chain, rng)] * 2)
-        self.terms, self.cols = self.problem.terms(), self.problem.arrays()
-        self.lam_terms = rng.normal(size=(len(self.terms.kernel), 16))
-        self.lam_terms[self.terms.type == 2] = np.abs(self.lam_terms[self.terms.type == 2])
-        self.lam_pairs = rng.uniform(0, 1, (self.T * 3, len(self.cols.a))) * rng.integers(0, 2, (self.T * 3, 1))
-        self.lam_limits = rng.uniform(0, 1, (self.T, self.n, 2))
+        self.terms, self.cols, self.samples = self.problem.terms(), self.problem.arrays(), self.problem.samples()
+        lam = rng.normal(size=(len(self.terms.kernel), MAX_DIM))
+        lam[self.terms.type == 2] = np.abs(lam[self.terms.type == 2])
+        pairs = rng.uniform(0, 1, (self.T * 3, len(self.cols.a))) * rng.integers(0, 2, (self.T * 3, 1))
+        self.multipliers = Multipliers(lam, pairs, rng.uniform(0, 1, (self.T, self.n, 2)), np.full(1, 50.0))
+
+    def scratch(self):
+        return new_scratch(self)
 
     def evaluate(self, X, scratch=None):
-        options = self.problem.options.pack()
-        H, G = np.zeros((X.size, 3 * self.n)), np.zeros(X.size)
-        scratch = scratch or solver._scratch(self.T, self.n, self.cols, 3)
+        H, G = np.zeros((X.size, 3 * self.n + PADDING)), np.zeros(X.size)
         found = solver._evaluate(
-            np.ascontiguousarray(X.reshape(self.T, self.n)), self.prefix, self.problem.phase_of_step(),
-            self.problem.chain, self.terms, self.cols, options, 50.0, self.lam_terms, self.lam_pairs, self.lam_limits,
-            H, G, scratch,
+            np.ascontiguousarray(X.reshape(self.T, self.n)), self.prefix, self.problem.chain, self.terms, self.cols,
+            self.samples, self.problem.options.pack(), self.multipliers, H, G, scratch or self.scratch(),
         )  # fmt: skip
         return *found, G, H
+
+
+def new_scratch(of):
+    return solver.new_scratch(of.T, of.n, of.problem.chain, of.terms, of.cols, of.samples, of.prefix)
 
 
 @pytest.mark.parametrize("names", [("panda",), ("panda", "iiwa")], ids="+".join)
@@ -165,9 +175,9 @@ def test_the_gradient_is_that_of_the_merit(names, seed):
 def test_what_is_left_alone_between_evaluations_changes_nothing():
     """The same values with a memory of which pairs were far apart as without."""
     lagrangian = Lagrangian(("panda",), 1)
-    lagrangian.lam_pairs[:] = 0.0  # pairs with a multiplier are always looked at
+    lagrangian.multipliers.pairs[:] = 0.0  # pairs with a multiplier are always looked at
     rng = np.random.default_rng(5)
-    scratch = solver._scratch(lagrangian.T, lagrangian.n, lagrangian.cols, 3)
+    scratch = lagrangian.scratch()
     X = lagrangian.X.copy()
     for k in range(40):
         X += rng.normal(size=X.shape) * (0.3 if k % 10 == 9 else 0.02)
@@ -186,11 +196,11 @@ def test_collisions_between_the_steps_are_seen():
     found = {}
     for substeps in (1, 2):
         problem = KomoProblem(world.chain, (2,), scene, SolverOptions(substeps=substeps))
-        cols, X = problem.arrays(), np.array([q0, q1])
-        empty = np.zeros((0, 16)), np.zeros((2 * substeps, len(cols.a))), np.zeros((2, 7, 2))
+        X, prefix = np.array([q0, q1]), np.array([q0, q0])
+        structure = world.chain, problem.terms(), problem.arrays(), problem.samples()
         found[substeps] = solver._evaluate(
-            X, np.array([q0, q0]), problem.phase_of_step(), world.chain, problem.terms(), cols, problem.options.pack(),
-            10.0, *empty, np.zeros((14, 21)), np.zeros(14), solver._scratch(2, 7, cols, substeps),
+            X, prefix, *structure, problem.options.pack(), solver.new_multipliers(2, 7, *structure[1:], 10.0),
+            np.zeros((14, 21 + PADDING)), np.zeros(14), solver.new_scratch(2, 7, *structure, prefix),
         )[3]  # fmt: skip
     assert found[1] <= 0.0 < 0.02 < found[2]
 

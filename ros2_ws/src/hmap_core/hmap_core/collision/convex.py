@@ -10,6 +10,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull
 
+from hmap_core.collision.edges import hull_edges
 from hmap_core.collision.gjk import FAR, OPTIONS, distance_within, signed_distance
 from hmap_core.exceptions import Code, InputError
 from hmap_core.transforms import apply, rotation_matrix
@@ -29,6 +30,7 @@ class ConvexSet:
         start: (S + 1,) shape s has vertices ``start[s]:start[s + 1]``.
         radius: (S,) of the swept sphere.
         center, bound: (S, 3), (S,) bounding sphere of each shape, the swept sphere included.
+        edges: S arrays, the edges of each hull.
     """
 
     vertices: np.ndarray
@@ -36,6 +38,7 @@ class ConvexSet:
     radius: np.ndarray
     center: np.ndarray
     bound: np.ndarray
+    edges: tuple[np.ndarray, ...]
 
     def __len__(self) -> int:
         return len(self.radius)
@@ -90,7 +93,7 @@ def from_hulls(hulls: Sequence[tuple[np.ndarray, float]]) -> ConvexSet:
     """The set of hulls given as (vertices (n, 3), radius) pairs."""
     if not hulls:
         empty = np.zeros((0, 3))
-        return ConvexSet(empty, np.zeros(1, np.int64), np.zeros(0), empty, np.zeros(0))
+        return ConvexSet(empty, np.zeros(1, np.int64), np.zeros(0), empty, np.zeros(0), ())
     spheres = [bounding_sphere(points) for points, _ in hulls]
     radius = np.array([r for _, r in hulls])
     return ConvexSet(
@@ -99,6 +102,7 @@ def from_hulls(hulls: Sequence[tuple[np.ndarray, float]]) -> ConvexSet:
         radius,
         np.array([c for c, _ in spheres]),
         np.array([b for _, b in spheres]) + radius,
+        tuple(hull_edges(points) for points, _ in hulls),
     )
 
 
@@ -115,6 +119,7 @@ def transformed(shapes: ConvexSet, T: np.ndarray) -> ConvexSet:
         shapes.radius,
         apply(T, shapes.center),
         shapes.bound,
+        shapes.edges,
     )
 
 

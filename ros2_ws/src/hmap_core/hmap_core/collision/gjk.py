@@ -1,7 +1,8 @@
 """Signed distance of two convex shapes: GJK outside, EPA inside.
 
 A shape is the convex hull of vertices swept by a sphere: a box is 8 vertices and radius 0, a sphere one vertex and its
-radius, a capsule two. Outside, the distance of the cores is found by GJK [1] with closest-point sub-problems after
+radius, a capsule two. Between configurations that differ little the last simplex is nearly right, and the farthest
+vertex is found by climbing along the hull's edges from the last one. Outside, the distance of the cores is found by GJK [1] with closest-point sub-problems after
 [2]; in overlap the penetration depth is found by the expanding polytope algorithm [3], so the value keeps growing and
 its gradient keeps its meaning however deep the overlap is.
 
@@ -22,28 +23,46 @@ FAR = 1e9
 
 
 @nb.njit(**OPTIONS)
-def _support(V, R, p, d0, d1, d2, out):
-    """Vertex of (V, R, p) farthest along the world direction d, written to out (3,); returns its index."""
-    l0 = R[0, 0] * d0 + R[1, 0] * d1 + R[2, 0] * d2
-    l1 = R[0, 1] * d0 + R[1, 1] * d1 + R[2, 1] * d2
-    l2 = R[0, 2] * d0 + R[1, 2] * d1 + R[2, 2] * d2
-    best = -1e300
-    index = 0
-    for i in range(V.shape[0]):
-        value = V[i, 0] * l0 + V[i, 1] * l1 + V[i, 2] * l2
-        if value > best:
-            best = value
-            index = i
+def _point(V, R, p, index, out):
+    """Vertex ``index`` of (V, R, p) in the world frame, written to out (3,)."""
     v0, v1, v2 = V[index, 0], V[index, 1], V[index, 2]
     out[0] = R[0, 0] * v0 + R[0, 1] * v1 + R[0, 2] * v2 + p[0]
     out[1] = R[1, 0] * v0 + R[1, 1] * v1 + R[1, 2] * v2 + p[1]
     out[2] = R[2, 0] * v0 + R[2, 1] * v1 + R[2, 2] * v2 + p[2]
-    return index
 
 
 @nb.njit(**OPTIONS)
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+def _support(V, edges, start, R, p, d0, d1, d2, out):
+    """Vertex of (V, R, p) farthest along the world direction d, written to out (3,); returns its index.
+
+    With ``edges`` it climbs from vertex ``start`` along the hull's edges, else it looks at every vertex.
+    """
+    l0 = R[0, 0] * d0 + R[1, 0] * d1 + R[2, 0] * d2
+    l1 = R[0, 1] * d0 + R[1, 1] * d1 + R[2, 1] * d2
+    l2 = R[0, 2] * d0 + R[1, 2] * d1 + R[2, 2] * d2
+    n = V.shape[0]
+    index = 0
+    if edges.shape[0] == 0:
+        best = -1e300
+        for i in range(n):
+            value = V[i, 0] * l0 + V[i, 1] * l1 + V[i, 2] * l2
+            if value > best:
+                best = value
+                index = i
+    else:
+        index = start
+        best = V[index, 0] * l0 + V[index, 1] * l1 + V[index, 2] * l2
+        here = -1
+        while here != index:
+            here = index
+            for e in range(edges[here], edges[here + 1]):
+                i = edges[e]
+                value = V[i, 0] * l0 + V[i, 1] * l1 + V[i, 2] * l2
+                if value > best:
+                    best = value
+                    index = i
+    _point(V, R, p, index, out)
+    return index
 
 
 @nb.njit(**OPTIONS)
@@ -120,8 +139,8 @@ def _volume(a, b, c, d):
 
 
 @nb.njit(**OPTIONS)
-def _reduce(W, WA, WB, n, bary, face, point, origin):
-    """Closest point of the simplex W[:n] to the origin; keeps only its supporting vertices.
+def _reduce(W, WA, WB, hint, n, bary, face, point, origin):
+    """Closest point of the simplex W[:n] to the origin; keeps only its supporting vertices, and their indices in hint.
 
     Returns the new size; ``bary`` holds their weights. Size 4 means that the origin is inside.
     """
@@ -177,40 +196,69 @@ def _reduce(W, WA, WB, n, bary, face, point, origin):
                     W[m, x] = W[i, x]
                     WA[m, x] = WA[i, x]
                     WB[m, x] = WB[i, x]
+                hint[1 + m] = hint[1 + i]
+                hint[5 + m] = hint[5 + i]
                 bary[m] = bary[i]
             m += 1
     return m
 
 
 @nb.njit(**OPTIONS)
-def _gjk(VA, RA, pA, VB, RB, pB, cutoff, W, WA, WB, v, tmp, bary):
+def _gjk(VA, EA, RA, pA, VB, EB, RB, pB, cutoff, hint, W, WA, WB, v, tmp, bary):
     """Closest points of two cores. Returns (simplex size, distance or a lower bound beyond cutoff).
 
     Size 0: farther apart than ``cutoff`` (the distance returned is a lower bound, v the separating direction).
-    Size 4, or distance 0: overlapping.
+    Size 4, or distance 0: overlapping. The simplex of the last call, in ``hint``, is where it starts.
     """
     a = tmp[0]
     b = tmp[1]
-    n = 0
+    n = hint[0]
     vv = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
-    if vv < 1e-18:
+    first = n == 0
+    if not first:
+        for i in range(n):
+            _point(VA, RA, pA, hint[1 + i], WA[i])
+            _point(VB, RB, pB, hint[5 + i], WB[i])
+            for x in range(3):
+                W[i, x] = WA[i, x] - WB[i, x]
+        n = _reduce(W, WA, WB, hint, n, bary, tmp[2], tmp[3], tmp[4])
+        hint[0] = n
+        if n == 4:
+            return 4, 0.0
+        v[0] = 0.0
+        v[1] = 0.0
+        v[2] = 0.0
+        for i in range(n):
+            for x in range(3):
+                v[x] += bary[i] * W[i, x]
+        vv = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+        if vv <= TOUCHING * TOUCHING:
+            return n, 0.0
+    elif vv < 1e-18:
         v[0] = 1.0
         v[1] = 0.0
         v[2] = 0.0
         vv = 1.0
-    first = True
+    if first:
+        hint[1] = 0
+        hint[5] = 0
     for _ in range(MAX_ITERATIONS):
-        _support(VA, RA, pA, -v[0], -v[1], -v[2], a)
-        _support(VB, RB, pB, v[0], v[1], v[2], b)
+        last = max(n - 1, 0)
+        ia = _support(VA, EA, hint[1 + last], RA, pA, -v[0], -v[1], -v[2], a)
+        ib = _support(VB, EB, hint[5 + last], RB, pB, v[0], v[1], v[2], b)
         w0, w1, w2 = a[0] - b[0], a[1] - b[1], a[2] - b[2]
         vw = v[0] * w0 + v[1] * w1 + v[2] * w2
         if vw > 0.0 and vw * vw > cutoff * cutoff * vv:
+            if n == 0:
+                hint[0] = 1
+                hint[1] = ia
+                hint[5] = ib
             return 0, vw / np.sqrt(vv)
         if not first and vv - vw <= RELATIVE_GAP * vv:
             break
         seen = False
         for i in range(n):
-            if W[i, 0] == w0 and W[i, 1] == w1 and W[i, 2] == w2:
+            if hint[1 + i] == ia and hint[5 + i] == ib:
                 seen = True
         if seen:
             break
@@ -220,8 +268,11 @@ def _gjk(VA, RA, pA, VB, RB, pB, cutoff, W, WA, WB, v, tmp, bary):
         for x in range(3):
             WA[n, x] = a[x]
             WB[n, x] = b[x]
+        hint[1 + n] = ia
+        hint[5 + n] = ib
         n += 1
-        n = _reduce(W, WA, WB, n, bary, tmp[2], tmp[3], tmp[4])
+        n = _reduce(W, WA, WB, hint, n, bary, tmp[2], tmp[3], tmp[4])
+        hint[0] = n
         if n == 4:
             return 4, 0.0
         v[0] = 0.0
@@ -259,7 +310,7 @@ def _face_normal(P, i, j, k, out):
 
 
 @nb.njit(**OPTIONS)
-def _tetrahedron(VA, RA, pA, VB, RB, pB, W, WA, WB, n, tmp):
+def _tetrahedron(VA, EA, RA, pA, VB, EB, RB, pB, W, WA, WB, n, tmp):
     """Grows a simplex of n < 4 points that contains the origin to a tetrahedron with volume; returns its size."""
     directions = np.array(
         [
@@ -281,8 +332,8 @@ def _tetrahedron(VA, RA, pA, VB, RB, pB, W, WA, WB, n, tmp):
         else:
             k = d % directions.shape[0]
             d0, d1, d2 = directions[k, 0], directions[k, 1], directions[k, 2]
-        _support(VA, RA, pA, d0, d1, d2, a)
-        _support(VB, RB, pB, -d0, -d1, -d2, b)
+        _support(VA, EA, 0, RA, pA, d0, d1, d2, a)
+        _support(VB, EB, 0, RB, pB, -d0, -d1, -d2, b)
         for x in range(3):
             W[n, x] = a[x] - b[x]
             WA[n, x] = a[x]
@@ -304,7 +355,7 @@ def _tetrahedron(VA, RA, pA, VB, RB, pB, W, WA, WB, n, tmp):
 
 
 @nb.njit(**OPTIONS)
-def _epa(VA, RA, pA, VB, RB, pB, W, WA, WB, tmp, normal, point_a, point_b):
+def _epa(VA, EA, RA, pA, VB, EB, RB, pB, hint, W, WA, WB, tmp, normal, point_a, point_b):
     """Penetration depth of two overlapping cores from a tetrahedron W round the origin; normal: from A into B."""
     P = np.empty((EPA_VERTICES, 3))
     PA = np.empty((EPA_VERTICES, 3))
@@ -337,8 +388,8 @@ def _epa(VA, RA, pA, VB, RB, pB, W, WA, WB, tmp, normal, point_a, point_b):
         for f in range(1, m):
             if D[f] < D[best]:
                 best = f
-        _support(VA, RA, pA, N[best, 0], N[best, 1], N[best, 2], a)
-        _support(VB, RB, pB, -N[best, 0], -N[best, 1], -N[best, 2], b)
+        _support(VA, EA, hint[1], RA, pA, N[best, 0], N[best, 1], N[best, 2], a)
+        _support(VB, EB, hint[5], RB, pB, -N[best, 0], -N[best, 1], -N[best, 2], b)
         reach = 0.0
         for x in range(3):
             reach += N[best, x] * (a[x] - b[x])
@@ -427,18 +478,13 @@ def _epa(VA, RA, pA, VB, RB, pB, W, WA, WB, tmp, normal, point_a, point_b):
 
 
 @nb.njit(**OPTIONS)
-def distance_within(VA, RA, pA, rA, VB, RB, pB, rB, cutoff, witness, work):
-    """Signed distance of two shapes, or any value above ``cutoff`` when they are farther apart than that.
+def distance_from(VA, EA, RA, pA, rA, VB, EB, RB, pB, rB, cutoff, hint, witness, work):
+    """:func:`distance_within` that starts from what it found last time.
 
     Args:
-        VA, VB: vertices (n, 3) in the frame of their shape; RA, RB (3, 3), pA, pB (3,): where the frames are, world.
-        rA, rB: radius of the swept sphere, metres.
-        cutoff: distance in metres beyond which the exact value does not matter.
-        witness: out (3, 3): unit normal from B towards A, closest point on A, closest point on B; world.
-        work: scratch (20, 3); ``work[0]`` is the direction to start with (the last separating one makes it fast).
-
-    Returns:
-        Distance in metres, negative by the penetration depth.
+        EA, EB: edges of the hulls (see :func:`hmap_core.collision.edges.hull_edges`), or empty.
+        hint: (9,) size of the last simplex, its vertices of A (4,), of B (4,); read and written. Size 0: none.
+        work: scratch (20, 3); ``work[0]`` is the direction to start with where there is no hint.
     """
     W = work[1:5]
     WA = work[5:9]
@@ -450,7 +496,7 @@ def distance_within(VA, RA, pA, rA, VB, RB, pB, rB, cutoff, witness, work):
     tmp[4, 1] = 0.0
     tmp[4, 2] = 0.0
     radius = rA + rB
-    n, d = _gjk(VA, RA, pA, VB, RB, pB, cutoff + radius, W, WA, WB, v, tmp, bary)
+    n, d = _gjk(VA, EA, RA, pA, VB, EB, RB, pB, cutoff + radius, hint, W, WA, WB, v, tmp, bary)
     if n == 0:
         return d - radius
     if n < 4 and d > 0.0:
@@ -465,7 +511,10 @@ def distance_within(VA, RA, pA, rA, VB, RB, pB, rB, cutoff, witness, work):
             witness[2, x] = pb + rB * witness[0, x]
         return d - radius
     if n < 4:
-        n = _tetrahedron(VA, RA, pA, VB, RB, pB, W, WA, WB, n, tmp)
+        n = _tetrahedron(VA, EA, RA, pA, VB, EB, RB, pB, W, WA, WB, n, tmp)
+        hint[0] = 0  # the vertices that were added have no place in it
+        hint[1] = 0
+        hint[5] = 0
     if n < 4:
         # both cores lie in one plane or line: they touch, with no depth to speak of
         for x in range(3):
@@ -473,13 +522,32 @@ def distance_within(VA, RA, pA, rA, VB, RB, pB, rB, cutoff, witness, work):
             witness[1, x] = WA[0, x]
             witness[2, x] = WB[0, x]
         return -radius
-    depth = _epa(VA, RA, pA, VB, RB, pB, W, WA, WB, tmp, witness[0], witness[1], witness[2])
+    depth = _epa(VA, EA, RA, pA, VB, EB, RB, pB, hint, W, WA, WB, tmp, witness[0], witness[1], witness[2])
     for x in range(3):
         witness[0, x] = -witness[0, x]
         v[x] = witness[0, x]
         witness[1, x] -= rA * witness[0, x]
         witness[2, x] += rB * witness[0, x]
     return -depth - radius
+
+
+@nb.njit(**OPTIONS)
+def distance_within(VA, RA, pA, rA, VB, RB, pB, rB, cutoff, witness, work):
+    """Signed distance of two shapes, or any value above ``cutoff`` when they are farther apart than that.
+
+    Args:
+        VA, VB: vertices (n, 3) in the frame of their shape; RA, RB (3, 3), pA, pB (3,): where the frames are, world.
+        rA, rB: radius of the swept sphere, metres.
+        cutoff: distance in metres beyond which the exact value does not matter.
+        witness: out (3, 3): unit normal from B towards A, closest point on A, closest point on B; world.
+        work: scratch (20, 3); ``work[0]`` is the direction to start with (the last separating one makes it fast).
+
+    Returns:
+        Distance in metres, negative by the penetration depth.
+    """
+    none = np.empty(0, np.int32)
+    hint = np.zeros(9, np.int16)
+    return distance_from(VA, none, RA, pA, rA, VB, none, RB, pB, rB, cutoff, hint, witness, work)
 
 
 @nb.njit(**OPTIONS)

@@ -3,7 +3,7 @@
 import numba as nb
 import numpy as np
 
-from hmap_core.collision.gjk import OPTIONS, distance_within
+from hmap_core.collision.gjk import OPTIONS, distance_from
 
 BEYOND = 1e3  # m: what a pair that is far apart reports
 
@@ -36,10 +36,10 @@ def _box_distance(low, high, R, p, c):
 
 
 @nb.njit(**OPTIONS)
-def pair_distance(cols, k, R, p, centers, cutoff, axis, witness, work):
+def pair_distance(cols, k, R, p, centers, cutoff, hint, witness, work):
     """Signed distance (m) of pair k, or a lower bound above ``cutoff``.
 
-    ``axis`` (3,) keeps the separating direction between calls; it makes the next call on a similar configuration cheap.
+    ``hint`` (9,) keeps the closest features between calls; it makes the next call on a similar configuration cheap.
     """
     a, b = cols.a[k], cols.b[k]
     ca, cb = centers[a], centers[b]
@@ -54,20 +54,13 @@ def pair_distance(cols, k, R, p, centers, cutoff, axis, witness, work):
         gap = _box_distance(cols.low[a], cols.high[a], R[fa], p[fa], cb) - cols.bound[b]
     if gap > cutoff:
         return gap
-    if axis[0] == 0.0 and axis[1] == 0.0 and axis[2] == 0.0:
-        work[0, 0] = d0
-        work[0, 1] = d1
-        work[0, 2] = d2
-    else:
-        work[0, 0] = axis[0]
-        work[0, 1] = axis[1]
-        work[0, 2] = axis[2]
-    d = distance_within(
-        cols.vertices[cols.start[a] : cols.start[a + 1]], R[fa], p[fa], cols.radius[a],
-        cols.vertices[cols.start[b] : cols.start[b + 1]], R[fb], p[fb], cols.radius[b],
-        cutoff, witness, work,
+    work[0, 0] = d0
+    work[0, 1] = d1
+    work[0, 2] = d2
+    return distance_from(
+        cols.vertices[cols.start[a] : cols.start[a + 1]], cols.edges[cols.edge[a] : cols.edge[a + 1]],
+        R[fa], p[fa], cols.radius[a],
+        cols.vertices[cols.start[b] : cols.start[b + 1]], cols.edges[cols.edge[b] : cols.edge[b + 1]],
+        R[fb], p[fb], cols.radius[b],
+        cutoff, hint, witness, work,
     )  # fmt: skip
-    axis[0] = work[0, 0]
-    axis[1] = work[0, 1]
-    axis[2] = work[0, 2]
-    return d

@@ -8,7 +8,7 @@ from hmap_core.collision.pairs import pair_distance, place_centers
 
 
 @nb.njit(**OPTIONS)
-def _free(R_obj, p_obj, R_ee, p_ee, R_tip, p_tip, mask, tip, cols, moves, R, p, centers, axes, witness, work, last):
+def _free(R_obj, p_obj, R_ee, p_ee, R_tip, p_tip, mask, tip, cols, moves, R, p, centers, hints, witness, work, last):
     """Whether nothing fixed to the tip is too close with the end-effector at (R_ee, p_ee) of the object's frame.
 
     (R_tip, p_tip) is the tip frame in the end-effector frame; ``last`` (1,) remembers the pair found in the way.
@@ -35,7 +35,7 @@ def _free(R_obj, p_obj, R_ee, p_ee, R_tip, p_tip, mask, tip, cols, moves, R, p, 
         k = last[0] if index < 0 else moves[index]
         if k < 0 or cols.phases[k] & mask == 0:
             continue
-        if pair_distance(cols, k, R, p, centers, cols.margin[k], axes[k], witness, work) < cols.margin[k]:
+        if pair_distance(cols, k, R, p, centers, cols.margin[k], hints[k], witness, work) < cols.margin[k]:
             last[0] = k
             return False
     return True
@@ -65,17 +65,18 @@ def hand_reach(R_obj, p_obj, R_ee, p_ee, back, R_tip, p_tip, tip, near, far, hol
     moves_start, moves_path = _tip_pairs(at_start, tip), _tip_pairs(on_path, tip)
     centers_start = np.empty((at_start.frame.shape[0], 3))
     centers_path = np.empty((on_path.frame.shape[0], 3))
-    axes_start, axes_path = np.zeros((at_start.a.shape[0], 3)), np.zeros((on_path.a.shape[0], 3))
+    hints_start = np.zeros((at_start.a.shape[0], 9), np.int16)
+    hints_path = np.zeros((on_path.a.shape[0], 9), np.int16)
     for k in range(K):
         last[0] = -1
         if not _free(
             R_obj[0], p_obj[0], R_ee[k], p_ee[k], R_tip, p_tip, near, tip, at_start, moves_start, R, p, centers_start,
-            axes_start, witness, work, last,
+            hints_start, witness, work, last,
         ):  # fmt: skip
             continue
         if not _free(
             R_obj[0], p_obj[0], R_ee[k], back[k], R_tip, p_tip, far, tip, at_start, moves_start, R, p, centers_start,
-            axes_start, witness, work, last,
+            hints_start, witness, work, last,
         ):  # fmt: skip
             continue
         bound[k] = 0
@@ -84,7 +85,7 @@ def hand_reach(R_obj, p_obj, R_ee, p_ee, back, R_tip, p_tip, tip, near, far, hol
         for m in range(1, M):
             if not _free(
                 R_obj[m], p_obj[m], R_ee[k], p_ee[k], R_tip, p_tip, hold, tip, on_path, moves_path, R, p, centers_path,
-                axes_path, witness, work, last,
+                hints_path, witness, work, last,
             ):  # fmt: skip
                 end = m - 1
                 break
@@ -92,7 +93,7 @@ def hand_reach(R_obj, p_obj, R_ee, p_ee, back, R_tip, p_tip, tip, near, far, hol
         for m in range(end, 0, -1):
             if _free(
                 R_obj[m], p_obj[m], R_ee[k], back[k], R_tip, p_tip, far, tip, on_path, moves_path, R, p, centers_path,
-                axes_path, witness, work, last,
+                hints_path, witness, work, last,
             ):  # fmt: skip
                 bound[k] = m
                 break

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hmap_core.collision.convex import bounding_sphere
+from hmap_core.collision.edges import hull_edges
 from hmap_core.exceptions import Code, InputError
 from hmap_core.kinematics.simplify import simplify_hull
 from hmap_core.kinematics.tree import forward, forward_last
@@ -32,6 +33,7 @@ class LinkHull:
     slide: np.ndarray
     finger: bool
     sphere: tuple[np.ndarray, float]  # center (3,) and radius of a bounding sphere with the gripper closed
+    edges: np.ndarray  # of the hull, see hmap_core.collision.edges
 
     def sphere_at(self, opening: float) -> tuple[np.ndarray, float]:
         """Bounding sphere with the gripper open by ``opening`` metres."""
@@ -208,7 +210,7 @@ def build_arm(model: RobotModel) -> Arm:
             vertices = np.ascontiguousarray(vertices @ T[:3, :3].T + T[:3, 3])
             center, bound = bounding_sphere(vertices)
             sphere = (center, bound + radius + extra)
-            hulls.append(LinkHull(link, frame, vertices, radius + extra, slide, finger, sphere))
+            hulls.append(LinkHull(link, frame, vertices, radius + extra, slide, finger, sphere, hull_edges(vertices)))
     frame, T_tip_link, _, _ = placed[model.end_effector_link]
     if frame != len(fixed):
         raise InputError(

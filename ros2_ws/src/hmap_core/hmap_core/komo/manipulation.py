@@ -161,7 +161,11 @@ class Manipulation:
                 if hull.frame == 0:
                     vertices, center = apply(T_base, vertices), apply(T_base, center)
                 frame = self.model.frame(self.robot, hull.frame)
-                own.append(scene.add(f"{self.robot}/{hull.link}", vertices, hull.radius, frame, (center, bound)))
+                own.append(
+                    scene.add(
+                        f"{self.robot}/{hull.link}", vertices, hull.radius, frame, (center, bound), edges=hull.edges
+                    )
+                )
                 groups[group].append(own[-1])
             numbers.append(own)
         for i, j in self.arm.self_pairs:

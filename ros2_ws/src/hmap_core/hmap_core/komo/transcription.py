@@ -1,66 +1,53 @@
-"""From objectives over phases to the arrays that the compiled solver takes."""
+"""From objectives over phases to the arrays that the compiled solver takes, and back to what it found."""
 
-from dataclasses import dataclass, field
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
 
 import numpy as np
 
 from hmap_core.collision.scene_model import CollisionModel, Collisions
+from hmap_core.exceptions import InputError
 from hmap_core.kinematics.chain import Chain
-from hmap_core.komo.arrays import Options, Terms
-from hmap_core.komo.features.base import MAX_FRAMES
+from hmap_core.komo.arrays import Samples, Terms
+from hmap_core.komo.features.base import MAX_DIM, MAX_FRAMES, Feature
 from hmap_core.komo.objective import Objective, ObjectiveType
-from hmap_core.komo.solver import follow, path_violations, solve, solve_batch
+from hmap_core.komo.options import IK_OPTIONS, SolverOptions
+from hmap_core.komo.solver import (
+    MAX_ORDER,
+    between_violations,
+    follow,
+    linearise,
+    path_violations,
+    solve,
+    solve_batch,
+    standing_margins,
+)
 
+__all__ = [
+    "IK_OPTIONS", "KomoProblem", "KomoResult", "Linearisation", "SolverOptions", "Status", "clearance", "follow_ik",
+    "relaxed", "solve_ik_batch", "verification", "without_pairs",
+]  # fmt: skip
 
-@dataclass(frozen=True)
-class SolverOptions:
-    """Settings of the solver. Distances in metres, angles in radians.
-
-    Attributes:
-        mu, mu_growth, mu_max: penalty of the augmented Lagrangian: start, factor per outer round, ceiling.
-        tolerance: largest violation of any single constraint component that counts as feasible.
-        outer, inner, iterations: most multiplier updates, Newton steps between two of them, Newton steps in all.
-        max_step: largest change of one joint in one Newton step, rad.
-        damping: Levenberg term added to the Hessian's diagonal, at least this much.
-        step_tolerance, gain_tolerance: a Newton round ends below this step (rad) or this relative decrease.
-        acceleration, velocity: weights of the squared second and first differences of the path.
-        substeps: collision samples per interval; 2 looks at the step and half-way to it.
-        activity: pairs farther apart than their margin plus this are not looked at exactly, m.
-    """
-
-    mu: float = 300.0
-    mu_growth: float = 3.0
-    mu_max: float = 1e6
-    tolerance: float = 1e-4
-    outer: int = 20
-    inner: int = 10
-    iterations: int = 120
-    max_step: float = 0.3
-    damping: float = 1e-3
-    step_tolerance: float = 5e-3
-    gain_tolerance: float = 1e-3
-    acceleration: float = 1.0
-    velocity: float = 0.0
-    substeps: int = 2
-    activity: float = 0.01
-
-    def pack(self) -> Options:
-        """The options as the compiled solver takes them."""
-        return Options(*(float(getattr(self, name)) for name in Options._fields))
-
-
-# m: what a margin is lowered by beyond what the start needs
-RELAXATION = 1e-4
-
+RELAXATION = 1e-4  # m: what a margin is lowered by beyond what the start needs
 # Between the steps a pair may come nearer than its margin by this share of it, and at least by this much, m.
 VERIFY_SHARE = 2.0 / 3.0
 VERIFY_SLACK = 0.0005
+VERIFY_STEP = 0.0005  # m of motion after which the verification looks again at the latest
+SAMPLE_GAP = 0.02  # share of an interval within which two collision samples count as one
+BUMP = 0.4  # rad: size of the random bumps on the first guesses of restarts
+IK_STARTS = 12  # random configurations from which the IK of a phase's end is tried at most
 
-# One configuration instead of a path: stays near its prefix, converges to the numerical floor.
-IK_OPTIONS = SolverOptions(
-    mu=10.0, mu_growth=5.0, tolerance=2e-5, outer=12, inner=20, iterations=60, max_step=0.5, damping=1e-4,
-    step_tolerance=1e-3, acceleration=0.02, substeps=1,
-)  # fmt: skip
+
+class Status(StrEnum):
+    """How a solve ended."""
+
+    FEASIBLE = "feasible"
+    INFEASIBLE = "infeasible"  # some constraint stays violated at the steps or the samples
+    BETWEEN_STEPS = "between steps"  # feasible there, but not between them
+    NO_END = "no end"  # the end of some phase has no configuration
+    TIME_LIMIT = "time limit"
 
 
 @dataclass(frozen=True)
@@ -69,9 +56,14 @@ class KomoResult:
 
     Attributes:
         path: (T, n).
-        feasible: every component within the tolerance at the steps and the sub-steps.
+        feasible: every component within the tolerance at the steps and the samples, and verified between them.
+        cost: of the sos objectives and the smoothness.
         worst_equality, worst_inequality: largest violations, m or rad.
-        worst: which constraint that is, and at which step.
+        iterations: Newton steps, over all attempts.
+        worst: the constraint that is violated the most, with its frames and its time in phases; empty if feasible.
+        status: how it ended.
+        attempts: first guesses tried.
+        duration: s.
     """
 
     path: np.ndarray
@@ -81,6 +73,18 @@ class KomoResult:
     worst_inequality: float
     iterations: int
     worst: str = ""
+    status: Status = Status.FEASIBLE
+    attempts: int = 1
+    duration: float = 0.0
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """Objectives at a path: values (M,) less targets, unscaled; jacobian (M, T n); rows: (objective, step, component)."""
+
+    values: np.ndarray
+    jacobian: np.ndarray
+    rows: list[tuple[int, int, int]]
 
 
 @dataclass
@@ -91,6 +95,7 @@ class KomoProblem:
         chain: joints (the variables).
         steps_per_phase: number of steps of each phase; phase k ends with its last step.
         collisions: the pairs that keep apart, by phase.
+        tau: seconds per step, the unit of time of velocities and accelerations.
     """
 
     chain: Chain
@@ -98,6 +103,7 @@ class KomoProblem:
     collisions: CollisionModel
     options: SolverOptions = field(default_factory=SolverOptions)
     objectives: list[Objective] = field(default_factory=list)
+    tau: float = 1.0
     _arrays: Collisions | None = field(default=None, repr=False)
 
     @property
@@ -114,9 +120,60 @@ class KomoProblem:
         end = self.last(phase) + 1
         return range(end - self.steps_per_phase[phase], end)
 
+    def time_of(self, step: int) -> float:
+        """Time of a step in phases: 1.0 is the end of the first phase."""
+        for phase, steps in enumerate(self.steps_per_phase):
+            if step < steps:
+                return phase + (step + 1) / steps
+            step -= steps
+        raise IndexError(f"step {step} is beyond the last phase")
+
+    def steps_at(self, times: Sequence[float]) -> range:
+        """Steps of ``times`` in phases, as in KOMO: (t,) is one step, (t0, t1) all after t0 up to t1, () all.
+
+        Raises:
+            InputError: a time outside of the phases.
+        """
+        phases = len(self.steps_per_phase)
+        if len(times) > 2 or any(not 0.0 <= t <= phases for t in times) or list(times) != sorted(times):
+            raise InputError(f"times {tuple(times)}: allowed are up to two ascending times from 0 to {phases} (phases)")
+        ends = np.concatenate([[0], np.cumsum(self.steps_per_phase)])
+        at = [int(round(np.interp(t, np.arange(phases + 1), ends))) for t in times]
+        if not at:
+            return range(self.steps)
+        if len(at) == 1:
+            return range(max(at[0] - 1, 0), max(at[0], 1))
+        return range(max(at[0] - 1, 0), at[1]) if at[0] == at[1] else range(at[0], at[1])
+
     def add(self, objective: Objective) -> None:
-        """One more objective; ``solve`` looks at all that were added."""
+        """One more objective; ``solve`` looks at all that were added.
+
+        Raises:
+            InputError: an order, target, scale or step that does not fit.
+        """
+        name, dim = objective.feature.name, objective.feature.dim
+        if not 0 <= objective.order <= MAX_ORDER:
+            raise InputError(f"objective '{name}': order {objective.order}; allowed: 0 to {MAX_ORDER}")
+        if objective.target is not None and np.shape(objective.target) != (dim,):
+            raise InputError(f"objective '{name}': target has shape {np.shape(objective.target)}; it has to be ({dim},)")
+        if not objective.scale > 0.0:
+            raise InputError(f"objective '{name}': scale {objective.scale}; it has to be positive")
+        steps = np.asarray(objective.steps)
+        if steps.size and not (0 <= steps.min() and steps.max() < self.steps):
+            raise InputError(f"objective '{name}': steps {steps.min()} to {steps.max()}; allowed: 0 to {self.steps - 1}")
         self.objectives.append(objective)
+
+    def add_objective(
+        self,
+        feature: Feature,
+        type: ObjectiveType,
+        times: Sequence[float] = (),
+        scale: float = 1.0,
+        target: Sequence[float] | np.ndarray | None = None,
+        order: int = 0,
+    ) -> None:
+        """:meth:`add` with ``times`` in phases, as in KOMO; see :meth:`steps_at`."""
+        self.add(Objective(feature, type, self.steps_at(times), scale, None, target, order))
 
     def arrays(self) -> Collisions:
         """The collision pairs as the compiled code takes them."""
@@ -128,61 +185,254 @@ class KomoProblem:
         """Index of the phase of each step, (T,); a mode switch is the last step of the phase before it."""
         return np.repeat(np.arange(len(self.steps_per_phase)), self.steps_per_phase).astype(np.int64)
 
+    def masks(self) -> np.ndarray:
+        """Bit mask (T,) of the phases of each interval."""
+        return np.int64(1) << self.phase_of_step()
+
+    def samples(self, extra: Sequence[tuple[int, float]] = ()) -> Samples:
+        """Where collisions are looked at: ``substeps`` places per interval, and ``extra`` ones (step, alpha)."""
+        S, T = self.options.substeps, self.steps
+        step = np.repeat(np.arange(T), S)
+        alpha = np.tile(np.arange(1, S + 1) / S, T)
+        if extra:
+            step = np.concatenate([step, [t for t, _ in extra]]).astype(np.int64)
+            alpha = np.concatenate([alpha, [a for _, a in extra]])
+            order = np.lexsort((alpha, step))
+            step, alpha = step[order], alpha[order]
+        masks = self.masks()
+        ends = masks | np.append(masks[1:], 0)  # a step at a mode switch is in both phases
+        mask = np.where(alpha == 1.0, ends[step], masks[step])
+        return Samples(np.searchsorted(step, np.arange(T + 1)).astype(np.int64), alpha, mask)
+
     def terms(self) -> Terms:
         """Objectives unrolled over their steps, ordered by step."""
-        rows = sorted(
-            ((step, index, k) for index, o in enumerate(self.objectives) for k, step in enumerate(o.steps)),
-            key=lambda row: row[:2],
-        )
-        frames = np.zeros((len(rows), MAX_FRAMES), np.int64)
-        params, offset, size = [], [], 0
-        for r, (_, index, k) in enumerate(rows):
-            objective = self.objectives[index]
-            frames[r, : len(objective.feature.frames)] = objective.feature.frames
-            value = objective.feature.params if objective.params is None else np.asarray(objective.params[k], float)
-            params.append(value)
-            offset.append(size)
-            size += len(value)
-        chosen = [self.objectives[index] for _, index, _ in rows]
-        step = np.array([row[0] for row in rows], np.int64)
+        index = np.repeat(np.arange(len(self.objectives)), [len(o.steps) for o in self.objectives])
+        step = np.concatenate([np.zeros(0, np.int64), *(np.asarray(o.steps, np.int64) for o in self.objectives)])
+        params, offsets, size = [], [], 0
+        for o in self.objectives:
+            rows = np.atleast_2d(o.feature.params if o.params is None else np.asarray(o.params, float))
+            params.append(rows.ravel())
+            shared = o.params is None
+            offsets.append(size + np.arange(len(o.steps)) * (0 if shared else rows.shape[1]))
+            size += rows.size
+        count = len(self.objectives)
+        frames, target = np.zeros((count, MAX_FRAMES), np.int64), np.zeros((count, MAX_DIM))
+        for k, o in enumerate(self.objectives):
+            frames[k, : len(o.feature.frames)] = o.feature.frames
+            if o.target is not None:
+                target[k, : o.feature.dim] = o.target
+        by_step = np.argsort(step, kind="stable")
+        index, step = index[by_step].astype(np.int64), step[by_step]
+        numbers = [
+            np.array(values, kind)[index]
+            for values, kind in (
+                ([o.feature.kernel for o in self.objectives], np.int64),
+                ([int(o.type) for o in self.objectives], np.int64),
+                ([o.feature.dim for o in self.objectives], np.int64),
+                ([o.scale for o in self.objectives], float),
+                ([o.order for o in self.objectives], np.int64),
+            )
+        ]
+        kernel, kind, dim, scale, order = numbers
+        offset = np.concatenate([np.zeros(0, np.int64), *offsets]).astype(np.int64)[by_step]
         return Terms(
-            np.array([o.feature.kernel for o in chosen], np.int64),
-            np.array([o.type for o in chosen], np.int64),
-            step,
-            np.array([o.feature.dim for o in chosen], np.int64),
-            np.array([o.scale for o in chosen], float),
-            frames,
-            np.array(offset, np.int64),
-            np.concatenate([*params, np.zeros(1)]),
-            np.searchsorted(step, np.arange(self.steps + 1)).astype(np.int64),
-        )
+            kernel, kind, step, dim, scale, frames[index], offset, np.concatenate([*params, np.zeros(1)]),
+            target[index], order, np.searchsorted(step, np.arange(self.steps + 1)).astype(np.int64), float(self.tau),
+        )  # fmt: skip
 
-    def solve(self, start: np.ndarray, initial: np.ndarray) -> KomoResult:
-        """Solves from an initial path.
+    def solve(
+        self,
+        start: np.ndarray,
+        initial: np.ndarray | None = None,
+        restarts: int = 0,
+        rng: np.random.Generator | None = None,
+        time_limit: float = np.inf,
+    ) -> KomoResult:
+        """Solves, verifies between the steps, and looks closer where the path needs it.
 
         Args:
             start: (n,) configuration before the path, at rest.
-            initial: (T, n) first guess.
+            initial: (T, n) first guess, as of an earlier plan; without one the ends of the phases are found by IK.
+            restarts: more first guesses, far from the first: other ends, random bumps between them.
+            rng: of the restarts and the IK; ``default_rng(0)`` when not given.
+            time_limit: s; no further round is begun after it.
         """
+        began = time.monotonic()
+        rng = rng or np.random.default_rng(0)
+        start = np.ascontiguousarray(start, float)
+        cols = relaxed(self.chain, self.arrays(), start, 1)
+        terms = self.terms()
+        best: KomoResult | None = None
+        iterations = attempts = 0
+        for attempt in range(1 + restarts):
+            if best is not None and time.monotonic() - began > time_limit:
+                best = replace(best, status=Status.TIME_LIMIT)
+                break
+            attempts += 1
+            guess = initial if attempt == 0 else None
+            if guess is None:
+                guess = self.first_guess(start, cols, terms, rng, attempt)
+            result = self._attempt(start, guess, cols, terms, began + time_limit)
+            iterations += result.iterations
+            if best is None or result.feasible or _excess(result) < _excess(best):
+                best = result
+            if best.feasible:
+                break
+        duration = time.monotonic() - began
+        return replace(best, iterations=iterations, attempts=attempts, duration=duration)
+
+    def _attempt(self, start, initial, cols: Collisions, terms: Terms, deadline: float) -> KomoResult:
+        """One first guess, with more samples where the path comes too near between them."""
         X = np.ascontiguousarray(initial, float).copy()
         prefix = np.ascontiguousarray([start, start], float)
-        phase = self.phase_of_step()
-        cols = relaxed(self.chain, self.arrays(), start, 1)
-        cost, eq, ineq, iterations = solve(X, prefix, phase, self.chain, self.terms(), cols, self.options.pack())
-        feasible = bool(max(eq, ineq) <= self.options.tolerance and np.isfinite(X).all())
-        worst = "" if feasible else self._worst(X, start, phase, cols, eq, ineq)
-        return KomoResult(X, feasible, cost, eq, ineq, iterations, worst)
+        options, masks, checked = self.options.pack(), self.masks(), verification(cols)
+        extra: list[tuple[int, float]] = []
+        iterations = 0
+        for refinement in range(self.options.refinements + 1):
+            cost, eq, ineq, steps = solve(X, prefix, self.chain, terms, cols, self.samples(extra), options)
+            iterations += steps
+            if not (max(eq, ineq) <= self.options.tolerance and np.isfinite(X).all()):
+                worst = self._worst(X, start, cols)
+                return KomoResult(X, False, cost, eq, ineq, iterations, worst, Status.INFEASIBLE)
+            path = np.concatenate([start[None], X])
+            violation, pair, alpha = between_violations(path, masks, self.chain, checked, VERIFY_STEP)
+            if pair.max(initial=-1) < 0:
+                return KomoResult(X, True, cost, eq, ineq, iterations)
+            step = int(violation.argmax())
+            if refinement == self.options.refinements or time.monotonic() > deadline:
+                break
+            extra += self._new_samples(extra, pair, alpha)
+        worst = self._too_near(int(pair[step]), violation[step], step + alpha[step] - 1.0)
+        return KomoResult(X, False, cost, eq, float(violation.max()), iterations, worst, Status.BETWEEN_STEPS)
 
-    def _worst(self, X, start, phase, cols: Collisions, eq: float, ineq: float) -> str:
-        if eq > ineq:
-            names = sorted({o.feature.name for o in self.objectives if o.type == ObjectiveType.EQ})
-            return f"equality {', '.join(names)} off by {eq:.2g}"
-        found = clearance(self.chain, cols, X, phase)
-        pair = int(found[1][found[0].argmax()])
-        if pair < 0:
-            return f"joint limit or inequality exceeded by {ineq:.2g}"
+    def _new_samples(self, known, pair: np.ndarray, alpha: np.ndarray) -> list[tuple[int, float]]:
+        """Where the violated intervals are to be looked at: at the worst place, or, if that is known, beside it."""
+        new = []
+        for step in np.flatnonzero(pair >= 0):
+            places = [a for t, a in known if t == step] + list(np.arange(self.options.substeps + 1) / self.options.substeps)
+            places = np.array(sorted(places))
+            at = float(alpha[step])
+            if np.abs(places - at).min() > SAMPLE_GAP:
+                new.append((int(step), at))
+                continue
+            gap = int(np.argmax(np.diff(places)))
+            new.append((int(step), float(places[gap : gap + 2].mean())))
+        return new
+
+    def first_guess(
+        self, start: np.ndarray, cols: Collisions, terms: Terms, rng: np.random.Generator, attempt: int = 0
+    ) -> np.ndarray:
+        """Straight lines (T, n) between configurations that satisfy the equalities of the ends of the phases.
+
+        From the second attempt on with other configurations where there are, and a random bump on each line.
+        """
+        T, n = self.steps, len(start)
+        path = np.empty((T, n))
+        before, done = start, 0
+        for phase in range(len(self.steps_per_phase)):
+            last = self.last(phase)
+            q = self._phase_end(phase, before, cols, terms, rng, attempt)
+            if q is None:
+                if phase + 1 < len(self.steps_per_phase):
+                    continue  # nothing is asked here: straight on to the next end
+                q = before
+            line = np.linspace(0.0, 1.0, last + 2 - done)[1:, None]
+            path[done : last + 1] = before + line * (q - before)
+            if attempt:
+                path[done : last + 1] += np.sin(np.pi * line) * rng.normal(size=n) * BUMP
+            before, done = q, last + 1
+        return np.clip(path, self.chain.lower, self.chain.upper)
+
+    def _phase_end(self, phase: int, near: np.ndarray, cols, terms: Terms, rng, attempt: int) -> np.ndarray | None:
+        """A configuration (n,) for the last step of a phase, near another one; None where nothing is asked of it."""
+        step = self.last(phase)
+        rows = slice(terms.by_step[step], terms.by_step[step + 1])
+        asked = (terms.order[rows] == 0) & (terms.type[rows] != ObjectiveType.SOS)
+        if not (asked & (terms.type[rows] == ObjectiveType.EQ)).any():
+            return None
+        chosen = np.flatnonzero(asked) + rows.start
+        own = Terms(
+            *(getattr(terms, name)[chosen] for name in ("kernel", "type")), np.zeros(len(chosen), np.int64),
+            *(getattr(terms, name)[chosen] for name in ("dim", "scale", "frames", "offset")), terms.params,
+            terms.target[chosen], terms.order[chosen], np.array([0, len(chosen)]), terms.tau,
+        )  # fmt: skip
+        samples = Samples(np.array([0, 1]), np.ones(1), np.array([self.samples().mask[self.samples().first[step + 1] - 1]]))
+        random = rng.uniform(self.chain.lower, self.chain.upper, (IK_STARTS, len(near)))
+        starts = random if attempt else np.concatenate([near[None], random])
+        found, options = None, IK_OPTIONS.pack()
+        for q in starts:
+            X = q[None, None].copy()
+            prefix = np.repeat(near[None], 2, 0)[None]
+            violation = solve_batch(
+                X, prefix, self.chain, own, terms.params[None], cols, without_pairs(cols), samples, options
+            )
+            if violation.max() <= IK_OPTIONS.tolerance:
+                return X[0, 0]
+            if found is None:
+                found = X[0, 0]
+        return found
+
+    def linearise(self, path: np.ndarray, start: np.ndarray) -> Linearisation:
+        """Values and Jacobian of all objectives at a path (T, n), for tests and for other solvers."""
+        terms, n = self.terms(), len(start)
+        X = np.ascontiguousarray(path, float)
+        prefix = np.ascontiguousarray([start, start], float)
+        found, J = linearise(X, prefix, self.chain, terms, without_pairs(self.arrays()), self.samples())
+        index = np.repeat(np.arange(len(self.objectives)), [len(o.steps) for o in self.objectives])
+        steps = np.concatenate([np.zeros(0, np.int64), *(np.asarray(o.steps, np.int64) for o in self.objectives)])
+        index = index[np.argsort(steps, kind="stable")]
+        rows = [(int(index[m]), int(terms.step[m]), d) for m in range(len(index)) for d in range(terms.dim[m])]
+        values = np.array([found[m, d] for m in range(len(index)) for d in range(terms.dim[m])])
+        jacobian = np.zeros((len(rows), X.size))
+        at = 0
+        for m in range(len(index)):
+            for d in range(terms.dim[m]):
+                for k in range(min(terms.order[m], terms.step[m]) + 1):
+                    column = n * (terms.step[m] - k)
+                    jacobian[at, column : column + n] = J[m, d, n * k : n * (k + 1)]
+                at += 1
+        return Linearisation(values, jacobian, rows)
+
+    def _worst(self, X: np.ndarray, start: np.ndarray, cols: Collisions) -> str:
+        """The constraint that is violated the most at the steps or the samples."""
+        if not np.isfinite(X).all():
+            return "the path is no number"
+        found: list[tuple[float, str]] = []
+        linear = self.linearise(X, start)
+        for value, (index, step, component) in zip(linear.values, linear.rows, strict=True):
+            objective = self.objectives[index]
+            if objective.type == ObjectiveType.SOS:
+                continue
+            off = abs(value) if objective.type == ObjectiveType.EQ else value
+            found.append((off, self._named(objective, component, off, step)))
+        excess = np.maximum(self.chain.lower - X, X - self.chain.upper)
+        step, joint = np.unravel_index(int(excess.argmax()), excess.shape)
+        found.append((excess[step, joint], f"joint {joint + 1} exceeds its limit by {excess[step, joint]:.2g} at time "
+                      f"{self.time_of(step):.2f}"))  # fmt: skip
+        path = np.concatenate([start[None], X])
+        violation, pair, alpha = between_violations(path, self.masks(), self.chain, cols, VERIFY_STEP)
+        step = int(violation.argmax())
+        if pair[step] >= 0:
+            found.append((violation[step], self._too_near(int(pair[step]), violation[step], step + alpha[step] - 1.0)))
+        return max(found, key=lambda entry: entry[0])[1]
+
+    def _named(self, objective: Objective, component: int, off: float, step: int) -> str:
+        frames = f" of frames {', '.join(map(str, objective.feature.frames))}" if objective.feature.frames else ""
+        kind = objective.type.name.lower()
+        return f"{kind} {objective.feature.name}[{component}]{frames} off by {off:.2g} at time {self.time_of(step):.2f}"
+
+    def _too_near(self, pair: int, violation: float, step: float) -> str:
         a, b = self.collisions.pair_name(pair)
-        return f"{a} and {b} closer than allowed by {found[0].max() * 1e3:.2g} mm at step {int(found[0].argmax())}"
+        share = step + 1.0 - int(np.floor(step + 1.0))
+        before = int(np.floor(step + 1.0)) - 1
+        begin = self.time_of(before) if before >= 0 else 0.0
+        end = self.time_of(min(before + 1, self.steps - 1))
+        time_at = begin + share * (end - begin)
+        return f"{a} and {b} closer than allowed by {violation * 1e3:.2g} mm at time {time_at:.2f}"
+
+
+def _excess(result: KomoResult) -> float:
+    return max(result.worst_equality, result.worst_inequality)
 
 
 def clearance(chain: Chain, cols: Collisions, path: np.ndarray, phase: np.ndarray, floor: float = -1e3):
@@ -203,7 +453,7 @@ def verification(cols: Collisions) -> Collisions:
 def without_pairs(cols: Collisions) -> Collisions:
     """The same shapes with no pair to keep apart."""
     none = np.zeros(0, np.int64)
-    return cols._replace(a=none, b=none, margin=np.zeros(0), phases=none)
+    return cols._replace(a=none, b=none, margin=np.zeros(0), phases=none, closing=np.zeros(0))
 
 
 def relaxed(chain: Chain, cols: Collisions, q: np.ndarray, phases: int) -> Collisions:
@@ -211,25 +461,22 @@ def relaxed(chain: Chain, cols: Collisions, q: np.ndarray, phases: int) -> Colli
 
     A path that starts there can then be feasible; it may leave, and never come nearer than it stands.
     """
-    margin = cols.margin.copy()
-    cols = cols._replace(margin=margin)
-    path, mask = np.ascontiguousarray(q, float)[None], np.array([phases], np.int64)
-    for _ in range(len(margin)):
-        violation, pair = path_violations(path, mask, chain, cols, 0.0)
-        if pair[0] < 0:
-            break
-        margin[pair[0]] -= violation[0] + RELAXATION
-    return cols
+    q = np.ascontiguousarray(q, float)
+    return cols._replace(margin=standing_margins(q, np.int64(phases), chain, cols, RELAXATION))
+
+
+def _one_step(problem: KomoProblem, params: np.ndarray):
+    """What the compiled code takes of one-step problems with these parameters (K, N)."""
+    padded = np.ascontiguousarray(np.concatenate([params, np.zeros((len(params), 1))], axis=1))
+    return problem.terms(), padded, problem.arrays(), problem.samples(), problem.options.pack()
 
 
 def follow_ik(problem: KomoProblem, params: np.ndarray, start: np.ndarray, max_jump: float) -> np.ndarray:
     """Solves one-step problems one after the other, each from the last; returns the solutions (m, n) before the first
     that fails or that needs a joint to jump by more than ``max_jump``."""
-    padded = np.ascontiguousarray(np.concatenate([params, np.zeros((len(params), 1))], axis=1))
-    Q, count = follow(
-        np.ascontiguousarray(start, float), problem.phase_of_step(), problem.chain, problem.terms(), padded,
-        problem.arrays(), problem.options.pack(), max_jump,
-    )  # fmt: skip
+    terms, padded, cols, samples, options = _one_step(problem, params)
+    start = np.ascontiguousarray(start, float)
+    Q, count = follow(start, problem.chain, terms, padded, cols, samples, options, max_jump)
     return Q[:count]
 
 
@@ -246,11 +493,9 @@ def solve_ik_batch(problem: KomoProblem, params: np.ndarray, initial: np.ndarray
     """
     X = np.ascontiguousarray(initial, float)[:, None, :].copy()
     prefix = np.ascontiguousarray(np.repeat(np.asarray(near, float)[:, None, :], 2, axis=1))
-    padded = np.ascontiguousarray(np.concatenate([params, np.zeros((len(params), 1))], axis=1))
-    cols = problem.arrays()
+    terms, padded, cols, samples, options = _one_step(problem, params)
     violation = solve_batch(
-        X, prefix, problem.phase_of_step(), problem.chain, problem.terms(), padded, cols, without_pairs(cols),
-        problem.options.pack(),
+        X, prefix, problem.chain, terms, padded, cols, without_pairs(cols), samples, options
     )  # fmt: skip
     feasible = (violation.max(1) <= problem.options.tolerance) & np.isfinite(X).all((1, 2))
     return X[:, 0], feasible

@@ -1,0 +1,51 @@
+"""Settings of the solver."""
+
+from dataclasses import dataclass
+
+from hmap_core.komo.arrays import Options
+
+
+@dataclass(frozen=True)
+class SolverOptions:
+    """Settings of the solver. Distances in metres, angles in radians.
+
+    Attributes:
+        mu, mu_growth, mu_max: penalty of the augmented Lagrangian: start, factor per outer round, ceiling.
+        tolerance: largest violation of any single constraint component that counts as feasible.
+        outer, inner, iterations: most multiplier updates, Newton steps between two of them, Newton steps in all.
+        max_step: largest change of one joint in one Newton step, rad.
+        damping: Levenberg term added to the Hessian's diagonal, at least this much.
+        step_tolerance, gain_tolerance: a Newton round ends below this step (rad) or this relative decrease.
+        acceleration, velocity: weights of the squared second and first differences of the path.
+        substeps: collision samples per interval; 2 looks at the step and half-way to it.
+        activity: pairs farther apart than their margin plus this are not measured exactly, m.
+        refinements: how often samples are added where a solved path comes too near between them.
+    """
+
+    mu: float = 300.0
+    mu_growth: float = 3.0
+    mu_max: float = 1e6
+    tolerance: float = 1e-4
+    outer: int = 20
+    inner: int = 10
+    iterations: int = 120
+    max_step: float = 0.3
+    damping: float = 1e-3
+    step_tolerance: float = 5e-3
+    gain_tolerance: float = 1e-3
+    acceleration: float = 1.0
+    velocity: float = 0.0
+    substeps: int = 2
+    activity: float = 0.01
+    refinements: int = 4
+
+    def pack(self) -> Options:
+        """The options as the compiled solver takes them."""
+        return Options(*(float(getattr(self, name)) for name in Options._fields))
+
+
+# One configuration instead of a path: stays near its prefix, converges to the numerical floor.
+IK_OPTIONS = SolverOptions(
+    mu=10.0, mu_growth=5.0, tolerance=2e-5, outer=12, inner=20, iterations=60, max_step=0.5, damping=1e-4,
+    step_tolerance=1e-3, acceleration=0.02, substeps=1,
+)  # fmt: skip
