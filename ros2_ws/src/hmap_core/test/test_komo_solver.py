@@ -125,7 +125,11 @@ class Lagrangian:
         add(Objective(relative_position(tip, (0, 0, 0.1), (0.3, 0.2, 0.4), 2), ObjectiveType.INEQ, range(7), scale=3.0))
         add(Objective(axis_alignment(tip, (0, 0, 1), (0, 0, -1)), ObjectiveType.SOS, range(7), scale=5.0))
         add(Objective(joint_position(np.zeros(self.n)), ObjectiveType.SOS, [4], scale=0.5))
-        add(Objective(relative_position(tip, (0, 0, 0), (0, 0, 0)), ObjectiveType.EQ, range(7), order=1, target=(0, 0, 1)))
+        add(
+            Objective(
+                relative_position(tip, (0, 0, 0), (0, 0, 0)), ObjectiveType.EQ, range(7), order=1, target=(0, 0, 1)
+            )
+        )
         add(Objective(axis_alignment(tip, (1, 0, 0), (0, 0, -1)), ObjectiveType.SOS, [0, 1, 5], order=2, scale=4.0))
         add(Objective(joint_position(np.zeros(self.n)), ObjectiveType.INEQ, [0, 1, 2, 6], order=1))
         self.problem.tau = 0.5

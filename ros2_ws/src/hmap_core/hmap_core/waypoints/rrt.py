@@ -1,5 +1,4 @@
-"""RRTConnect on the object alone (Kuffner & LaValle, ICRA 2000; here OMPL's), with exact compiled motion checks.
-"""
+"""RRTConnect on the object alone (Kuffner & LaValle, ICRA 2000; here OMPL's), with exact compiled motion checks."""
 
 import time
 
