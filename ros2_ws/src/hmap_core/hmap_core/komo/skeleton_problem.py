@@ -182,10 +182,14 @@ class SkeletonProblem(KomoProblem):
         return found
 
     def keyframes(self, start: np.ndarray) -> np.ndarray:
-        """Configurations (K, n) at the ends of the phases, found one after the other from ``start`` (n,)."""
+        """Configurations (K, n) at the ends of the phases, each near the one before; the first near ``start`` (n,)."""
         ends = Skeleton([_at_its_end(e) for e in self.skeleton.entries])
         problem = SkeletonProblem(ends, self.workspace, 1, KEYFRAME_OPTIONS)
-        return problem.solve(start, np.tile(start, (problem.steps, 1))).path
+        found = np.tile(start, (problem.steps, 1))
+        for k in range(problem.steps):
+            found = problem.solve(start, found).path
+            found[k + 1 :] = found[k]  # what comes later is looked for from there
+        return found
 
     def through(self, start: np.ndarray, keyframes: np.ndarray) -> np.ndarray:
         """The path (T, n) that is straight from ``start`` (n,) to the keyframes (K, n) at the ends of the phases."""
