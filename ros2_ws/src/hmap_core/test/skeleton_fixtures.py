@@ -19,7 +19,7 @@ ONE_ARM = "arm: {model: panda, base: {xyz: [0, 0, 0], rpy_deg: [0, 0, 0]}}"
 TWO_ARMS = """left: {model: panda, base: {xyz: [0, 0, 0], rpy_deg: [0, 0, 0]}}
   right: {model: panda, base: {xyz: [0.9, 0, 0], rpy_deg: [0, 0, 180]}}"""
 TIP = 0.0072  # m from the Panda's end-effector frame to the ends of its fingers
-FINENESS = 2  # the judge looks at the steps and half-way between, as the solver does
+FINENESS = 4  # the judge looks at this many places between two steps
 PERIOD = 0.1  # s between two places, of no importance here
 
 

@@ -1,11 +1,9 @@
 """Skeletons: from who touches and holds what, to paths that the judge's geometry finds free."""
 
 import numpy as np
-import pytest
 from skeleton_fixtures import TIP, TWO_ARMS, contact, depth, scene
 
-from hmap_core.exceptions import InputError
-from hmap_core.komo.skeleton import ModeSwitch, Skeleton, SkeletonEntry, Symbol
+from hmap_core.komo.skeleton import ModeSwitch, Skeleton, SkeletonEntry
 from hmap_core.komo.skeleton_problem import SkeletonProblem
 from hmap_core.komo.workspace import Workspace
 from hmap_core.transforms import distance, from_rpy, inverse, multiply, pose
@@ -22,8 +20,7 @@ def entry(phase0, phase1, symbol, *frames, target=None):
 
 
 def solved(problem):
-    start = problem.workspace.start
-    result = problem.solve(start, problem.through(start, problem.keyframes(start)))
+    result = problem.solve(problem.workspace.start)
     assert result.feasible, result.worst
     return result.path
 

@@ -103,7 +103,10 @@ class Clearances:
         found = []
         for opening, phases in self._openings(name).items():
             own = [placed.arm.hulls[i] for i in hulls]
-            shapes = [model.add(f"{name}/{h.link}", h.at(opening), h.radius, tip, h.sphere_at(opening)) for h in own]
+            shapes = [
+                model.add(f"{name}/{h.link}", h.at(opening), h.radius, tip, h.sphere_at(opening), edges=h.edges)
+                for h in own
+            ]
             numbers = dict(zip(hulls, shapes, strict=True))
             for i, j in placed.arm.self_pairs:
                 if i in numbers or j in numbers:

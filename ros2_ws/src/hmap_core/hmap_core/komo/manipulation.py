@@ -186,8 +186,8 @@ class Manipulation:
         for name, robot in self.scene.robots.items():
             if name != self.robot:
                 static[f"robot {name}"] = [
-                    scene.add(f"{name}/{link}", vertices, radius, 0, sphere)
-                    for link, vertices, radius, sphere in posed_links(
+                    scene.add(f"{name}/{link}", vertices, radius, 0, sphere, edges=edges)
+                    for link, vertices, radius, sphere, edges in posed_links(
                         robot, self.state.q[name], self.state.gripper[name]
                     )
                 ]
@@ -227,7 +227,7 @@ class Manipulation:
 
 
 def posed_links(robot: Robot, q: np.ndarray, opening: float):
-    """Links of a robot standing at q (n,) as (name, world vertices (m, 3), radius, bounding sphere)."""
+    """Links of a robot standing at q (n,) as (name, world vertices (m, 3), radius, bounding sphere, edges)."""
     arm = load_arm(robot.model)
     R, p = arm.frames(q)
     posed = []
@@ -235,5 +235,5 @@ def posed_links(robot: Robot, q: np.ndarray, opening: float):
         center, bound = hull.sphere_at(opening)
         vertices = apply(robot.base_pose, hull.at(opening) @ R[hull.frame].T + p[hull.frame])
         center = apply(robot.base_pose, R[hull.frame] @ center + p[hull.frame])
-        posed.append((hull.link, vertices, hull.radius, (center, bound)))
+        posed.append((hull.link, vertices, hull.radius, (center, bound), hull.edges))
     return posed

@@ -1,7 +1,6 @@
 """From a skeleton in a workspace to the KOMO problem of its path."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,14 +10,11 @@ from hmap_core.komo.clearances import Clearances
 from hmap_core.komo.features import above, joint_position, pose_params_all, relative_pose, relative_position
 from hmap_core.komo.manipulation import body_set
 from hmap_core.komo.objective import Objective, ObjectiveType
-from hmap_core.komo.skeleton import COLUMNS, Skeleton, SkeletonEntry, Symbol
+from hmap_core.komo.skeleton import Skeleton, SkeletonEntry, Symbol
 from hmap_core.komo.timeline import Place, Timeline
-from hmap_core.komo.transcription import IK_OPTIONS, KomoProblem, SolverOptions
+from hmap_core.komo.transcription import KomoProblem, SolverOptions
 from hmap_core.komo.workspace import Workspace
 from hmap_core.transforms import IDENTITY, apply, multiply, multiply_all, pose, rotation_matrix
-
-# One step per phase: each near the one before, instead of smoothly on from the two before.
-KEYFRAME_OPTIONS = replace(IK_OPTIONS, velocity=IK_OPTIONS.acceleration, acceleration=0.0)
 
 
 class SkeletonProblem(KomoProblem):
@@ -181,25 +177,6 @@ class SkeletonProblem(KomoProblem):
             found[name] = consistent(poses, self.workspace.state.poses[name])
         return found
 
-    def keyframes(self, start: np.ndarray) -> np.ndarray:
-        """Configurations (K, n) at the ends of the phases, each near the one before; the first near ``start`` (n,)."""
-        ends = Skeleton([_at_its_end(e) for e in self.skeleton.entries])
-        problem = SkeletonProblem(ends, self.workspace, 1, KEYFRAME_OPTIONS)
-        found = np.tile(start, (problem.steps, 1))
-        for k in range(problem.steps):
-            found = problem.solve(start, found).path
-            found[k + 1 :] = found[k]  # what comes later is looked for from there
-        return found
-
-    def through(self, start: np.ndarray, keyframes: np.ndarray) -> np.ndarray:
-        """The path (T, n) that is straight from ``start`` (n,) to the keyframes (K, n) at the ends of the phases."""
-        corners = np.concatenate([start[None], keyframes])
-        parts = [
-            a + np.linspace(0.0, 1.0, steps + 1)[1:, None] * (b - a)
-            for a, b, steps in zip(corners, corners[1:], self.steps_per_phase, strict=False)
-        ]
-        return np.concatenate(parts)
-
 
 _WORLD = Place(0, IDENTITY, None, IDENTITY)
 _ADD = {
@@ -210,13 +187,6 @@ _ADD = {
     Symbol.ABOVE: SkeletonProblem._add_above,
     Symbol.HOME: SkeletonProblem._add_home,
 }
-
-
-def _at_its_end(entry: SkeletonEntry) -> SkeletonEntry:
-    """The entry with the last of its targets, where it has one per step."""
-    if entry.symbol not in COLUMNS or entry.target.ndim == 1:
-        return entry
-    return SkeletonEntry(entry.phase1, entry.phase1, entry.symbol, entry.frames, entry.target[-1])
 
 
 def _top(shapes) -> tuple[np.ndarray, np.ndarray]:

@@ -123,8 +123,11 @@ class Workspace:
                 standing[name] = model.add_set(name, sets[name], 0)
         for name, robot in self.scene.robots.items():
             if name not in self.robots:
-                links = list(posed_links(robot, self.state.q[name], self.state.gripper[name]))
-                standing[name] = [model.add(f"{name}/{link[0]}", *link[1:3], 0, link[3]) for link in links]
+                links = posed_links(robot, self.state.q[name], self.state.gripper[name])
+                standing[name] = [
+                    model.add(f"{name}/{link}", vertices, radius, 0, sphere, edges=edges)
+                    for link, vertices, radius, sphere, edges in links
+                ]
                 sets[name] = hull_set([model.hulls[s] for s in standing[name]])
         around = [s for shapes in standing.values() for s in shapes]
         for k, arm in enumerate(arms.values()):
@@ -137,11 +140,11 @@ class Workspace:
         return Surroundings(model, arms, standing, sets, corners)
 
 
-def hull_set(hulls: Sequence[tuple[np.ndarray, float, np.ndarray, float]]) -> ConvexSet:
-    """The set of hulls given as in a collision model: (vertices (m, 3), radius, centre (3,), bound)."""
-    vertices, radius, center, bound = zip(*hulls, strict=True)
+def hull_set(hulls: Sequence[tuple]) -> ConvexSet:
+    """The set of hulls given as in a collision model: (vertices (m, 3), radius, centre (3,), bound, edges)."""
+    vertices, radius, center, bound, edges = zip(*hulls, strict=True)
     start = np.cumsum([0, *map(len, vertices)], dtype=np.int64)
-    return ConvexSet(np.concatenate(vertices), start, np.array(radius), np.array(center), np.array(bound))
+    return ConvexSet(np.concatenate(vertices), start, np.array(radius), np.array(center), np.array(bound), edges)
 
 
 def _leverage(arm: Arm) -> tuple[np.ndarray, np.ndarray]:
@@ -164,7 +167,9 @@ def _add_arm(model: CollisionModel, chain: KinematicModel, name: str) -> ArmShap
         vertices, (center, bound) = hull.at(0.0), hull.sphere
         if hull.frame == 0:
             vertices, center = apply(placed.T_world_base, vertices), apply(placed.T_world_base, center)
-        number = model.add(f"{name}/{hull.link}", vertices, hull.radius, chain.frame(name, hull.frame), (center, bound))
+        frame = chain.frame(name, hull.frame)
+        sphere = center, bound
+        number = model.add(f"{name}/{hull.link}", vertices, hull.radius, frame, sphere, edges=hull.edges)
         parts["base" if hull.frame == 0 else "hand" if hull.frame == placed.arm.n else "upper"].append(number)
         by_hull.append(number)
     for i, j in placed.arm.self_pairs:
