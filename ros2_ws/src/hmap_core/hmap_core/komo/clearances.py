@@ -7,25 +7,24 @@ support touches it.
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from hmap_core.collision.convex import ConvexSet, set_distance, transformed
+from hmap_core.collision.grown import GrownModel
 from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.komo.manipulation import (
     HELD_CLEARANCE,
     OBJECT_CLEARANCE,
-    ROBOT_CLEARANCE,
-    SELF_CLEARANCE,
     TOUCH_ALLOWANCE,
     body_set,
     free_opening,
 )
 from hmap_core.komo.skeleton import SkeletonEntry, Symbol
+from hmap_core.komo.surroundings import Part
 from hmap_core.komo.timeline import Place, Timeline
-from hmap_core.komo.workspace import hull_set
 from hmap_core.transforms import IDENTITY, apply, inverse, multiply
 from hmap_core.types import ContactPoint
 
@@ -38,14 +37,6 @@ def mask(phases: Iterable[int]) -> int:
 def lowered(clearance: float, distance: float) -> float:
     """The margin (m) of a pair that is asked to keep a clearance but has to come as near as ``distance``."""
     return clearance if distance >= clearance + TOUCH_ALLOWANCE else max(distance, 0.0) - TOUCH_ALLOWANCE
-
-
-@dataclass(frozen=True)
-class _Part:
-    """A part of a hand: its shapes' numbers, and the bit mask of phases in which it is so."""
-
-    shapes: Sequence[int]
-    phases: int
 
 
 @dataclass(frozen=True)
@@ -64,25 +55,19 @@ class Clearances:
 
     def __init__(self, timeline: Timeline):
         self._timeline, self._workspace, self._skeleton = timeline, timeline.workspace, timeline.skeleton
-        self._around = self._workspace.surroundings(frozenset(timeline.handled))
         self._contacts = self._skeleton.of(Symbol.TOUCH, Symbol.STABLE)
         self._above = {e.frames: mask(_inside(e)) for e in self._skeleton.of(Symbol.ABOVE)}
 
+        openings = tuple((name, self._openings(name)) for name in self._workspace.robots)
+        self._around = self._workspace.surroundings(frozenset(timeline.handled), openings)
+
     def model(self) -> CollisionModel:
         """The shapes and pairs of all phases."""
-        model = self._around.model.copy()
-        fingers = {name: self._add_fingers(model, name) for name in self._workspace.robots}
-        for k, name in enumerate(self._workspace.robots):
-            for other in self._workspace.robots[:k]:
-                _apart(model, fingers[name], fingers[other], ROBOT_CLEARANCE)
-            for other in self._workspace.robots:
-                if other != name:
-                    for own in fingers[name]:
-                        model.keep_apart(own.shapes, self._around.arms[other].all, ROBOT_CLEARANCE, own.phases)
+        model = GrownModel(self._around.model)
         stays: list[_Stay] = []
         for body in self._timeline.handled:
-            for stay in self._add_body(model, body):
-                self._keep_robots_away(model, stay, fingers)
+            for stay in self._stays(model, body):
+                self._keep_robots_away(model, stay)
                 if stay.place.frame > 0:
                     self._keep_from_surroundings(model, stay)
                 for other in stays:
@@ -90,34 +75,8 @@ class Clearances:
                 stays.append(stay)
         return model
 
-    # --- fingers
-
-    def _add_fingers(self, model: CollisionModel, name: str) -> list[_Part]:
-        """The fingers once for each opening they have in the skeleton, apart from their arm and what stands around."""
-        placed, arm = self._workspace.model.arms[name], self._around.arms[name]
-        hulls = [i for i, number in enumerate(arm.by_hull) if number is None]
-        if not hulls:
-            return []
-        tip = self._workspace.model.tip(name)
-        around = [s for shapes in self._around.standing.values() for s in shapes]
-        found = []
-        for opening, phases in self._openings(name).items():
-            own = [placed.arm.hulls[i] for i in hulls]
-            shapes = [
-                model.add(f"{name}/{h.link}", h.at(opening), h.radius, tip, h.sphere_at(opening), edges=h.edges)
-                for h in own
-            ]
-            numbers = dict(zip(hulls, shapes, strict=True))
-            for i, j in placed.arm.self_pairs:
-                if i in numbers or j in numbers:
-                    pair = [numbers.get(h, arm.by_hull[h]) for h in (i, j)]
-                    model.keep_apart(pair[:1], pair[1:], SELF_CLEARANCE, phases)
-            model.keep_apart(shapes, around, ROBOT_CLEARANCE, phases)
-            found.append(_Part(shapes, phases))
-        return found
-
-    def _openings(self, name: str) -> dict[float, int]:
-        """Opening of a gripper (m) -> bit mask of the phases in which it has it."""
+    def _openings(self, name: str) -> tuple[tuple[float, int], ...]:
+        """The openings of a gripper (m), each with the bit mask of the phases in which it has it."""
         robot = self._workspace.scene.robots[name]
         contacts = []  # first phase, last, while in contact, before and after
         for entry in self._contacts:
@@ -130,12 +89,10 @@ class Clearances:
             coming = sorted((c[0], c[3]) for c in contacts if c[0] > k)
             gone = sorted((c[1], c[3]) for c in contacts if c[1] <= k)
             free = coming[0][1] if coming else gone[-1][1] if gone else self._workspace.state.gripper[name]
-            found[closed[0] if closed else free] |= 1 << k
-        return found
+            found[float(closed[0] if closed else free)] |= 1 << k
+        return tuple(found.items())
 
-    # --- bodies
-
-    def _add_body(self, model: CollisionModel, name: str) -> list[_Stay]:
+    def _stays(self, model: CollisionModel, name: str) -> list[_Stay]:
         own = body_set(self._workspace.scene.bodies[name])
         runs = self._timeline.runs(name)
         stays = []
@@ -156,7 +113,7 @@ class Clearances:
             target
             for e in self._skeleton.of(Symbol.POSE_EQ)
             if e.frames == (name,) and phases.start < e.phase1 <= phases.stop
-            for target in np.atleast_2d(e.target)[[0, -1]]
+            for target in ([e.target] if e.target.ndim == 1 else e.target[[0, -1]])
         ]
 
     def _near(self, manipulator: str, name: str) -> list[tuple[SkeletonEntry, int]]:
@@ -164,34 +121,33 @@ class Clearances:
         frames = manipulator, name
         return [(e, mask(_around(e, self._skeleton.phases))) for e in self._contacts if e.frames == frames]
 
-    def _keep_robots_away(self, model: CollisionModel, stay: _Stay, fingers: dict[str, list[_Part]]) -> None:
+    def _keep_robots_away(self, model: CollisionModel, stay: _Stay) -> None:
         for name, arm in self._around.arms.items():
             upper = arm.upper + (arm.base if stay.place.frame > 0 else ())
             model.keep_apart(upper, stay.shapes, OBJECT_CLEARANCE, stay.phases)
             if stay.place.frame == self._workspace.model.tip(name):
                 continue
-            self._keep_hand_away(model, name, stay, _Part(arm.hand, stay.phases))
-            for variant in fingers[name]:
-                self._keep_hand_away(model, name, stay, variant)
+            self._keep_hand_away(model, name, stay, Part(arm.hand, arm.hand_set, stay.phases))
+            for fingers in self._around.fingers[name]:
+                self._keep_hand_away(model, name, stay, fingers)
 
-    def _keep_hand_away(self, model: CollisionModel, robot: str, stay: _Stay, part: _Part) -> None:
+    def _keep_hand_away(self, model: CollisionModel, robot: str, stay: _Stay, part: Part) -> None:
         """Keeps a part of a hand away from a body, around its contacts as near as these have it."""
         left = part.phases & stay.phases
         for entry, around in self._near(robot, stay.name):
             phases = left & around
             left &= ~around
             if phases:
-                distance = self._at_contact(model, part.shapes, robot, entry)
+                distance = self._at_contact(part, robot, entry)
                 model.keep_apart(part.shapes, stay.shapes, lowered(OBJECT_CLEARANCE, distance), phases)
         if left:
             model.keep_apart(part.shapes, stay.shapes, OBJECT_CLEARANCE, left)
 
-    def _at_contact(self, model: CollisionModel, shapes: Sequence[int], robot: str, entry: SkeletonEntry) -> float:
-        """How near the object is to some shapes of the hand at a contact (m), where that is near at all."""
+    def _at_contact(self, part: Part, robot: str, entry: SkeletonEntry) -> float:
+        """How near the object is to a part of the hand at a contact (m), where that is near at all."""
         T_tip_ee = self._workspace.end_effector(robot)[1]
         T = multiply(T_tip_ee, inverse(self._timeline.T_obj_manipulator(entry)))
-        hand = hull_set([model.hulls[s] for s in shapes])
-        return self._nearness(hand, IDENTITY, entry.frames[1], T, OBJECT_CLEARANCE)
+        return self._nearness(part.set, IDENTITY, entry.frames[1], T, OBJECT_CLEARANCE)
 
     def _nearness(self, shapes: ConvexSet, T_shapes, name: str, T: np.ndarray, clearance: float) -> float:
         """Distance (m) of some shapes at a pose from a body at one, exact where below the clearance."""
@@ -200,13 +156,18 @@ class Clearances:
 
     def _keep_from_surroundings(self, model: CollisionModel, stay: _Stay) -> None:
         nearest = self._nearest(stay)
+        far: list[int] = []
         for name, shapes in self._around.standing.items():
             touching = self._above.get((stay.name, name), 0) & stay.phases
+            if not touching and name not in nearest:
+                far += shapes
+                continue
             if touching:
                 model.keep_apart(stay.shapes, shapes, -TOUCH_ALLOWANCE, touching)
             if stay.phases & ~touching:
                 margin = lowered(HELD_CLEARANCE, nearest.get(name, np.inf))
                 model.keep_apart(stay.shapes, shapes, margin, stay.phases & ~touching)
+        model.keep_apart(stay.shapes, far, HELD_CLEARANCE, stay.phases)
 
     def _nearest(self, stay: _Stay) -> dict[str, float]:
         """How near a body is for certain to what stands around, where that is near at all."""
@@ -253,10 +214,3 @@ def _around(entry: SkeletonEntry, phases: int) -> range:
 def _inside(entry: SkeletonEntry) -> range:
     """The phases that an entry reaches into."""
     return range(int(np.floor(entry.phase0)), int(np.ceil(entry.phase1)))
-
-
-def _apart(model: CollisionModel, A: Sequence[_Part], B: Sequence[_Part], margin: float) -> None:
-    for a in A:
-        for b in B:
-            if a.phases & b.phases:
-                model.keep_apart(a.shapes, b.shapes, margin, a.phases & b.phases)
