@@ -1,9 +1,21 @@
 """Skeletons: from who touches and holds what, to paths that the judge's geometry finds free."""
 
 import numpy as np
+import pytest
 from skeleton_fixtures import TIP, TWO_ARMS, contact, depth, scene
 
-from hmap_core.komo.skeleton import ModeSwitch, Skeleton, SkeletonEntry
+from hmap_core.collision.scene_model import CollisionModel
+from hmap_core.exceptions import InputError
+from hmap_core.komo.clearances import Clearances
+from hmap_core.komo.manipulation import (
+    HELD_CLEARANCE,
+    OBJECT_CLEARANCE,
+    ROBOT_CLEARANCE,
+    SELF_CLEARANCE,
+    TOUCH_ALLOWANCE,
+    free_opening,
+)
+from hmap_core.komo.skeleton import TO_THE_END, ModeSwitch, Skeleton, SkeletonEntry
 from hmap_core.komo.skeleton_problem import SkeletonProblem
 from hmap_core.komo.workspace import Workspace
 from hmap_core.transforms import distance, from_rpy, inverse, multiply, pose
@@ -123,3 +135,140 @@ def test_a_stick_in_the_hand_pushes_a_box(tmp_path):
     assert max(distance(multiply(inverse(poses["box"][-1]), poses["stick"][-1]), T_box_stick)) < 2e-4
     found, who = depth(problem, path, {"arm": [0.056, 0.04, 0.04]})
     assert found < PENETRATION, who
+
+
+# --- the text
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory):
+    bodies = [("brick", BRICK, (0.5, -0.15, 0.04)), ("block", BRICK, (0.5, 0.3, 0.04))]
+    return Workspace(scene(tmp_path_factory.mktemp("scene"), [], bodies, TWO_ARMS), robots=["left"])
+
+
+HOLD = entry(1, 2, "stable", "left", "brick", target=grasp())
+GOAL = pose((0.5, 0.15, 0.04))
+WRONG = {
+    "no such symbol": lambda: [entry(1, 1, "grab", "left", "brick")],
+    "needs 2 frames": lambda: [entry(1, 1, "touch", "left")],
+    "needs 1 to 2 different frames": lambda: [entry(1, 1, "pose_eq", "brick", "brick", target=GOAL)],
+    "phases must rise": lambda: [entry(2, 1, "home", "left")],
+    "the start is given": lambda: [entry(0, 0, "home", "left")],
+    "for whole phases": lambda: [entry(0.5, 2, "stable", "left", "brick", target=grasp())],
+    "7 finite numbers": lambda: [entry(1, 1, "pose_eq", "left", target=(0.5, 0, 0.3))],
+    "quaternion": lambda: [entry(1, 1, "pose_eq", "left", target=(0.5, 0, 0.3, 0, 0, 0, 2))],
+    "at the same time": lambda: [HOLD, entry(1, 3, "stable", "right", "brick", target=grasp())],
+    "no frame 'brack'": lambda: [entry(1, 2, "stable", "left", "brack", target=grasp())],
+    "no body that can be moved": lambda: [entry(1, 2, "stable", "left", "table", target=grasp())],
+    "fixed and no manipulator": lambda: [entry(1, 2, "stable", "table", "brick", target=grasp())],
+    "no contact is given": lambda: [entry(1, 2, "stable", "left", "brick")],
+    "no pose_eq says where 'brick' is at phase 2": lambda: [HOLD, entry(3, 3, "home", "left")],
+    "nothing holds it then": lambda: [entry(1, 1, "pose_eq", "brick", target=GOAL), HOLD],
+    "nothing holds 'block' in phase 2": lambda: [entry(1, 2, "stable", "block", "brick", target=GOAL)],
+    "nothing moves 'right' against 'brick'": lambda: [entry(1, 1, "touch", "right", "brick", target=grasp())],
+    "has 3 targets for 4 steps": lambda: [HOLD, entry(1, 2, "pose_eq", "brick", target=np.tile(GOAL, (3, 1)))],
+    "no robot that moves": lambda: [entry(1, 1, "home", "right")],
+    "must be 7 joints": lambda: [entry(1, 1, "home", "left", target=np.zeros(3))],
+    "needs two bodies": lambda: [entry(1, 1, "above", "left", "table")],
+    "a skeleton needs entries": lambda: [],
+}
+
+
+@pytest.mark.parametrize("reason", WRONG)
+def test_what_does_not_fit_is_named(workspace, reason):
+    with pytest.raises(InputError, match=reason):
+        SkeletonProblem(Skeleton(WRONG[reason]()), workspace, 4)
+
+
+def test_what_hangs_on_itself_is_bad_input(workspace):
+    circle = [
+        entry(1, 2, "stable", "block", "brick", target=GOAL),
+        entry(1, 2, "stable", "brick", "block", target=GOAL),
+    ]
+    with pytest.raises(InputError, match="hangs on itself"):
+        SkeletonProblem(Skeleton(circle), workspace, 4)
+
+
+def test_steps_must_fit_the_phases(workspace):
+    with pytest.raises(InputError, match="2 phases"):
+        SkeletonProblem(Skeleton([HOLD]), workspace, (4, 4, 4))
+    with pytest.raises(InputError, match="must be"):
+        SkeletonProblem(Skeleton([HOLD]), workspace, 4).object_poses(np.zeros((8, 6)))
+
+
+def test_phases_become_steps(workspace):
+    problem = SkeletonProblem(Skeleton([HOLD, entry(1.5, TO_THE_END, "above", "brick", "table")]), workspace, (4, 6))
+    assert [problem.step(p) for p in (0, 0.5, 1, 1.5, 2)] == [-1, 1, 3, 6, 9]
+    found = {o.feature.name: list(o.steps) for o in problem.objectives}
+    assert found == {
+        "relative_pose": [3], "above: standing": [6, 7, 8, 9], "above: within": [6, 7, 8, 9],
+    }  # fmt: skip
+
+
+def test_an_object_in_the_hand_from_the_start_needs_no_contact(workspace):
+    state = workspace.scene.start_state()
+    T_world_ee = workspace.T_world_ee("left")
+    state.poses["brick"] = multiply(T_world_ee, inverse(grasp().T_obj_ee))
+    state.gripper["left"] = BRICK[1]
+    held = Workspace(workspace.scene, state, ["left"])
+    skeleton = Skeleton([entry(0, 1, "stable", "left", "brick"), entry(1, 1, "pose_eq", "brick", target=GOAL)])
+    assert skeleton.switches() == [ModeSwitch(0, "brick", None, "left")]
+    problem = SkeletonProblem(skeleton, held, 12)
+    poses = problem.object_poses(solved(problem))["brick"]
+    assert max(distance(poses[-1], GOAL)) < 2e-4
+
+
+# --- who keeps apart
+
+
+def margins(problem, a: str, b: str) -> dict[int, list[float]]:
+    """Phase -> margins (m) of the pairs of two parts, given by how their names begin."""
+    found = {}
+    model = problem.collisions
+    for i, j, margin, phases in model.pairs:
+        names = model.names[i], model.names[j]
+        if any(x.startswith(a) and y.startswith(b) for x, y in (names, names[::-1])):
+            for k in range(len(problem.steps_per_phase)):
+                if phases >> k & 1:
+                    found.setdefault(k, set()).add(round(margin, 6))
+    return {k: sorted(v) for k, v in found.items()}
+
+
+def test_clearances_follow_from_the_modes(workspace):
+    entries = [*pick_and_place("left", GOAL, grasp()), entry(3, 3, "home", "left")]
+    problem = SkeletonProblem(Skeleton(entries), workspace, 4)
+    assert margins(problem, "left/panda_link5", "table") == {k: [ROBOT_CLEARANCE] for k in range(3)}
+    assert margins(problem, "left/panda_link5", "right/panda_link5") == {k: [ROBOT_CLEARANCE] for k in range(3)}
+    assert margins(problem, "left/panda_link5", "left/panda_link0") == {k: [SELF_CLEARANCE] for k in range(3)}
+    assert margins(problem, "left/panda_link4", "brick") == {k: [OBJECT_CLEARANCE] for k in range(3)}
+    assert margins(problem, "left/panda_leftfinger", "brick") == {0: [OBJECT_CLEARANCE], 2: [OBJECT_CLEARANCE]}
+    # it stands on the table where it is taken and where it is put; the block is far from both
+    assert margins(problem, "brick", "table") == {1: [-TOUCH_ALLOWANCE]}
+    assert margins(problem, "brick", "block") == {1: [HELD_CLEARANCE]}
+    assert margins(problem, "brick", "right") == {1: [HELD_CLEARANCE]}
+
+
+def test_a_touching_hand_may_be_as_near_as_its_contact(workspace):
+    pressed = contact(ContactKind.TOUCH, DOWN, (0, -1, 0), (0, 0, 0.04 + TIP), 0.0)
+    problem = SkeletonProblem(Skeleton(pick_and_place("left", GOAL, pressed)), workspace, 4)
+    ((margin,),) = margins(problem, "left/panda_leftfinger", "brick").values()
+    assert -TOUCH_ALLOWANCE <= margin < 0.0
+    assert margins(problem, "left/panda_hand", "brick") == {0: [OBJECT_CLEARANCE]}
+
+
+def test_fingers_are_open_before_a_grasp_and_after_it(workspace):
+    entries = [*pick_and_place("left", GOAL, grasp()), entry(3, 3, "home", "left")]
+    problem = SkeletonProblem(Skeleton(entries), workspace, 4)
+    free = free_opening(workspace.scene.robots["left"], grasp())
+    ((_, variants),) = Clearances(problem.timeline).openings
+    assert dict(variants) == {free: 0b101, BRICK[1]: 0b010}
+
+
+def test_grown_models_pack_as_others_do(workspace):
+    problem = SkeletonProblem(Skeleton(pick_and_place("left", GOAL, grasp())), workspace, 4)
+    grown = problem.collisions
+    whole = CollisionModel(grown.hulls, grown.frames, grown.names, grown.pairs, grown.speeds).arrays()
+    for name, a, b in zip(whole._fields, whole, grown.arrays(), strict=True):
+        np.testing.assert_array_equal(a, b, err_msg=name)
+        assert a.dtype == b.dtype, name
+    assert "left/panda_link0" in problem.collisions.pair_name(0)

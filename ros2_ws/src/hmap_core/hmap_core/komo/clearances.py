@@ -19,7 +19,6 @@ from hmap_core.komo.manipulation import (
     HELD_CLEARANCE,
     OBJECT_CLEARANCE,
     TOUCH_ALLOWANCE,
-    body_set,
     free_opening,
 )
 from hmap_core.komo.skeleton import SkeletonEntry, Symbol
@@ -51,15 +50,19 @@ class _Stay:
 
 
 class Clearances:
-    """Builds the collision model of a timeline."""
+    """Builds the collision model of a timeline.
+
+    Attributes:
+        openings: of each moving robot's gripper, in which phases.
+    """
 
     def __init__(self, timeline: Timeline):
         self._timeline, self._workspace, self._skeleton = timeline, timeline.workspace, timeline.skeleton
         self._contacts = self._skeleton.of(Symbol.TOUCH, Symbol.STABLE)
         self._above = {e.frames: mask(_inside(e)) for e in self._skeleton.of(Symbol.ABOVE)}
 
-        openings = tuple((name, self._openings(name)) for name in self._workspace.robots)
-        self._around = self._workspace.surroundings(frozenset(timeline.handled), openings)
+        self.openings = tuple((name, self._openings(name)) for name in self._workspace.robots)
+        self._around = self._workspace.surroundings(frozenset(timeline.handled), self.openings)
 
     def model(self) -> CollisionModel:
         """The shapes and pairs of all phases."""
@@ -93,7 +96,7 @@ class Clearances:
         return tuple(found.items())
 
     def _stays(self, model: CollisionModel, name: str) -> list[_Stay]:
-        own = body_set(self._workspace.scene.bodies[name])
+        own = self._workspace.shapes[name]
         runs = self._timeline.runs(name)
         stays = []
         for k, (place, phases) in enumerate(runs):
@@ -151,7 +154,7 @@ class Clearances:
 
     def _nearness(self, shapes: ConvexSet, T_shapes, name: str, T: np.ndarray, clearance: float) -> float:
         """Distance (m) of some shapes at a pose from a body at one, exact where below the clearance."""
-        own = body_set(self._workspace.scene.bodies[name])
+        own = self._workspace.shapes[name]
         return set_distance(shapes, T_shapes, own, T, clearance + TOUCH_ALLOWANCE)
 
     def _keep_from_surroundings(self, model: CollisionModel, stay: _Stay) -> None:
@@ -171,7 +174,7 @@ class Clearances:
 
     def _nearest(self, stay: _Stay) -> dict[str, float]:
         """How near a body is for certain to what stands around, where that is near at all."""
-        own, boxes = body_set(self._workspace.scene.bodies[stay.name]), self._around.boxes
+        own, boxes = self._workspace.shapes[stay.name], self._around.boxes
         nearest: dict[str, float] = {}
         names = list(self._around.sets)
         for T in stay.known:
@@ -203,7 +206,7 @@ class Clearances:
             model.keep_apart(a.shapes, b.shapes, lowered(HELD_CLEARANCE, min(distances, default=np.inf)), left)
 
     def _apart(self, a: str, T_a: np.ndarray, b: str, T_b: np.ndarray) -> float:
-        return self._nearness(body_set(self._workspace.scene.bodies[a]), T_a, b, T_b, HELD_CLEARANCE)
+        return self._nearness(self._workspace.shapes[a], T_a, b, T_b, HELD_CLEARANCE)
 
 
 def _around(entry: SkeletonEntry, phases: int) -> range:

@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 from hmap_core.exceptions import InputError
 from hmap_core.komo.clearances import Clearances
 from hmap_core.komo.features import above, joint_position, pose_params_all, relative_pose, relative_position
-from hmap_core.komo.manipulation import body_set
 from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.skeleton import Skeleton, SkeletonEntry, Symbol
 from hmap_core.komo.timeline import Place, Timeline
@@ -134,9 +133,8 @@ class SkeletonProblem(KomoProblem):
 
     def _add_above(self, entry: SkeletonEntry) -> None:
         name, support = entry.frames
-        bodies = self.workspace.scene.bodies
         T_up, bottom = self._upright(name)
-        top = _top(body_set(bodies[support]))
+        top = _top(self.workspace.shapes[support])
         for a, b, steps in self._pairs(entry):
             standing, within = above(a.frame, multiply(a.T, T_up), bottom, multiply(b.T, pose(top[0])), top[1], b.frame)
             self.add(Objective(standing, ObjectiveType.EQ, steps))
@@ -146,7 +144,7 @@ class SkeletonProblem(KomoProblem):
         """An object's frame with z turned to where up is in the state, and how far below its origin the bottom is."""
         up = rotation_matrix(self.workspace.state.poses[name])[2]
         turn = Rotation.align_vectors([up], [[0.0, 0.0, 1.0]])[0].as_quat() if up[2] < 1.0 - 1e-12 else IDENTITY[3:]
-        own = body_set(self.workspace.scene.bodies[name])
+        own = self.workspace.shapes[name]
         radius = np.repeat(own.radius, np.diff(own.start))
         return pose(quaternion=turn), float((radius - own.vertices @ up).max())
 

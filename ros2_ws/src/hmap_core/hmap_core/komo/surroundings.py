@@ -1,6 +1,6 @@
 """Moving arms among what stands around: the part of a skeleton's collision model that its objects do not change."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +9,7 @@ from hmap_core.collision.convex import ConvexSet, transformed
 from hmap_core.collision.grown import BaseModel
 from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.kinematics.model import KinematicModel
-from hmap_core.komo.manipulation import ROBOT_CLEARANCE, SELF_CLEARANCE, body_set, posed_links
+from hmap_core.komo.manipulation import ROBOT_CLEARANCE, SELF_CLEARANCE, posed_links
 from hmap_core.transforms import apply
 from hmap_core.types import Scene, SceneState
 
@@ -69,16 +69,15 @@ class Surroundings:
 
 
 def collect(
-    scene: Scene, state: SceneState, chain: KinematicModel, handled: frozenset[str], openings: Openings
+    scene: Scene, state: SceneState, chain: KinematicModel, bodies: Mapping[str, ConvexSet], openings: Openings
 ) -> Surroundings:
-    """The arms of a chain among the bodies that are not handled and the robots that stand still."""
+    """The arms of a chain among bodies, given by their shapes, and the robots that stand still."""
     model = BaseModel()
     arms = {name: _add_arm(model, chain, name) for name in chain.arms}
     standing, sets = {}, {}
-    for name, body in scene.bodies.items():
-        if name not in handled:
-            sets[name] = transformed(body_set(body), state.poses[name])
-            standing[name] = model.add_set(name, sets[name], 0)
+    for name, shapes in bodies.items():
+        sets[name] = transformed(shapes, state.poses[name])
+        standing[name] = model.add_set(name, sets[name], 0)
     for name, robot in scene.robots.items():
         if name not in chain.arms:
             standing[name] = [

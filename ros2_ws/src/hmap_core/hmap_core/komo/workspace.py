@@ -1,12 +1,15 @@
 """What does not change between the skeletons of one scene: where things are, and which robots move."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
+from hmap_core.collision.convex import ConvexSet
 from hmap_core.exceptions import Code, InputError
 from hmap_core.kinematics.arm import Arm, load_arm
 from hmap_core.kinematics.model import KinematicModel, PlacedArm
+from hmap_core.komo.manipulation import body_set
 from hmap_core.komo.surroundings import Openings, Surroundings, collect
 from hmap_core.transforms import multiply, multiply_all
 from hmap_core.types import Scene, SceneState
@@ -19,13 +22,21 @@ class Workspace:
         scene: bodies and robots.
         state: where they are; by default as the scene starts.
         robots: names of those that move, in the order of the variables; by default all.
+        shapes: body -> what to take instead of its own shapes, in its frame; say with rounded edges.
 
     Raises:
         InputError: UNKNOWN_ROBOT.
     """
 
-    def __init__(self, scene: Scene, state: SceneState | None = None, robots: Sequence[str] | None = None):
+    def __init__(
+        self,
+        scene: Scene,
+        state: SceneState | None = None,
+        robots: Sequence[str] | None = None,
+        shapes: Mapping[str, ConvexSet] = MappingProxyType({}),
+    ):
         self.scene = scene
+        self.shapes = {name: body_set(body) for name, body in scene.bodies.items()} | dict(shapes)
         self.state = state or scene.start_state()
         self.robots = tuple(scene.robots if robots is None else robots)
         for name in self.robots:
@@ -70,7 +81,8 @@ class Workspace:
         """The moving arms among all but the bodies that are handled; computed once for each set and openings."""
         key = handled, openings
         if key not in self._surroundings:
-            self._surroundings[key] = collect(self.scene, self.state, self.model, handled, openings)
+            around = {name: shapes for name, shapes in self.shapes.items() if name not in handled}
+            self._surroundings[key] = collect(self.scene, self.state, self.model, around, openings)
         return self._surroundings[key]
 
 
