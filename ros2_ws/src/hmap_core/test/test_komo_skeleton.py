@@ -1,5 +1,7 @@
 """Skeletons: from who touches and holds what, to paths that the judge's geometry finds free."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from skeleton_fixtures import TIP, TWO_ARMS, contact, depth, scene
@@ -134,6 +136,17 @@ def test_a_stick_in_the_hand_pushes_a_box(tmp_path):
     assert max(distance(poses["box"][-1], goal)) < 2e-4
     assert max(distance(multiply(inverse(poses["box"][-1]), poses["stick"][-1]), T_box_stick)) < 2e-4
     found, who = depth(problem, path, {"arm": [0.056, 0.04, 0.04]})
+    assert found < PENETRATION, who
+
+
+def test_the_example_of_the_documents():
+    text = (Path(__file__).parents[4] / "docs" / "komo.md").read_text()
+    example: dict = {}
+    exec(text.split("## Skeletons")[1].split("```python")[1].split("```")[0], example)
+    assert example["result"].feasible, example["result"].worst
+    assert max(distance(example["bar"][39], example["goal"])) < 2e-4
+    np.testing.assert_allclose(example["bar"][:, 2], example["goal"][2], atol=2e-4)
+    found, who = depth(example["problem"], example["result"].path, {"panda_1": [0.076, 0.06, 0.076]})
     assert found < PENETRATION, who
 
 
