@@ -9,14 +9,8 @@ from skeleton_fixtures import TIP, TWO_ARMS, contact, depth, scene
 from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.exceptions import InputError
 from hmap_core.komo.clearances import Clearances
-from hmap_core.komo.manipulation import (
-    HELD_CLEARANCE,
-    OBJECT_CLEARANCE,
-    ROBOT_CLEARANCE,
-    SELF_CLEARANCE,
-    TOUCH_ALLOWANCE,
-    free_opening,
-)
+from hmap_core.komo.manipulation import free_opening
+from hmap_core.komo.margins import HELD_CLEARANCE, OBJECT_CLEARANCE, ROBOT_CLEARANCE, SELF_CLEARANCE, TOUCH_ALLOWANCE
 from hmap_core.komo.skeleton import TO_THE_END, ModeSwitch, Skeleton, SkeletonEntry
 from hmap_core.komo.skeleton_problem import SkeletonProblem
 from hmap_core.komo.workspace import Workspace

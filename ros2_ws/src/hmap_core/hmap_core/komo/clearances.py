@@ -15,12 +15,8 @@ import numpy as np
 from hmap_core.collision.convex import ConvexSet, set_distance, transformed
 from hmap_core.collision.grown import GrownModel
 from hmap_core.collision.scene_model import CollisionModel
-from hmap_core.komo.manipulation import (
-    HELD_CLEARANCE,
-    OBJECT_CLEARANCE,
-    TOUCH_ALLOWANCE,
-    free_opening,
-)
+from hmap_core.komo.manipulation import free_opening
+from hmap_core.komo.margins import HELD_CLEARANCE, OBJECT_CLEARANCE, TOUCH_ALLOWANCE
 from hmap_core.komo.skeleton import SkeletonEntry, Symbol
 from hmap_core.komo.surroundings import Part
 from hmap_core.komo.timeline import Place, Timeline

@@ -9,7 +9,8 @@ from hmap_core.collision.convex import ConvexSet, transformed
 from hmap_core.collision.grown import BaseModel
 from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.kinematics.model import KinematicModel
-from hmap_core.komo.manipulation import ROBOT_CLEARANCE, SELF_CLEARANCE, posed_links
+from hmap_core.komo.margins import ROBOT_CLEARANCE, SELF_CLEARANCE
+from hmap_core.komo.shapes import posed_links
 from hmap_core.transforms import apply
 from hmap_core.types import Scene, SceneState
 

@@ -9,7 +9,7 @@ from hmap_core.collision.convex import ConvexSet
 from hmap_core.exceptions import Code, InputError
 from hmap_core.kinematics.arm import Arm, load_arm
 from hmap_core.kinematics.model import KinematicModel, PlacedArm
-from hmap_core.komo.manipulation import body_set
+from hmap_core.komo.shapes import body_set
 from hmap_core.komo.surroundings import Openings, Surroundings, collect
 from hmap_core.transforms import multiply, multiply_all
 from hmap_core.types import Scene, SceneState
