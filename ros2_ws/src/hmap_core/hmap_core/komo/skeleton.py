@@ -126,6 +126,14 @@ class Skeleton:
                 entry.reject("the start is given; phase 1 is the end of the first phase")
         self._held = self._holds()
 
+    def then(self, other: "Skeleton") -> "Skeleton":
+        """This skeleton, and after its last phase another one."""
+        later = [
+            SkeletonEntry(e.phase0 + self.phases, e.phase1 + self.phases, e.symbol, e.frames, e.target)
+            for e in other.entries
+        ]
+        return Skeleton([*self.entries, *later])
+
     def of(self, *symbols: Symbol) -> list[SkeletonEntry]:
         """The entries of some symbols, in their order."""
         return [e for e in self.entries if e.symbol in symbols]
