@@ -221,6 +221,7 @@ WRONG = {
     "nothing holds it then": lambda: [entry(1, 1, "pose_eq", "brick", target=GOAL), HOLD],
     "nothing holds 'block' in phase 2": lambda: [entry(1, 2, "stable", "block", "brick", target=GOAL)],
     "nothing moves 'right' against 'brick'": lambda: [entry(1, 1, "touch", "right", "brick", target=grasp())],
+    "nothing moves 'left' against 'brick'": lambda: [HOLD, entry(2, 3, "stable", "left", "brick", target=grasp(0.03))],
     "has 3 targets for 4 steps": lambda: [HOLD, entry(1, 2, "pose_eq", "brick", target=np.tile(GOAL, (3, 1)))],
     "no robot that moves": lambda: [entry(1, 1, "home", "right")],
     "must be 7 joints": lambda: [entry(1, 1, "home", "left", target=np.zeros(3))],

@@ -125,6 +125,7 @@ class Skeleton:
             if entry.phase1 == 0.0:
                 entry.reject("the start is given; phase 1 is the end of the first phase")
         self._held = self._holds()
+        self._contacts = {id(e): self._contact(e) for e in self.of(Symbol.TOUCH, Symbol.STABLE)}
 
     def then(self, other: "Skeleton") -> "Skeleton":
         """This skeleton, and after its last phase another one."""
@@ -144,6 +145,9 @@ class Skeleton:
 
     def contact(self, entry: SkeletonEntry) -> ContactPoint | np.ndarray | None:
         """What a touch or stable entry has the manipulator hold on to; for stable also from the touch before it."""
+        return self._contacts[id(entry)]
+
+    def _contact(self, entry: SkeletonEntry) -> ContactPoint | np.ndarray | None:
         if entry.target is not None:
             return entry.target
         for touch in self.of(Symbol.TOUCH):

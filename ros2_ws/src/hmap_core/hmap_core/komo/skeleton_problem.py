@@ -1,6 +1,6 @@
 """From a skeleton in a workspace to the KOMO problem of its path."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -78,30 +78,32 @@ class SkeletonProblem(KomoProblem):
     # --- objectives
 
     def _add_touch(self, entry: SkeletonEntry) -> None:
-        """The manipulator at its contact with the object, where this is not on it already."""
-        manipulator, name = entry.frames
-        T_contact = self.timeline.T_obj_manipulator(entry)
-        met: dict[tuple[int, int], tuple[Place, Place, list[int]]] = {}
-        for step in self.steps_of(entry):
-            phase = int(self._phase[step])
-            holder = self.skeleton.holding(name, phase)
-            if holder is None or holder.frames[0] != manipulator:
-                hand, touched = self.timeline.place(manipulator, phase), self.timeline.place(name, phase)
-                if hand.frame == touched.frame:
-                    entry.reject(f"nothing moves '{manipulator}' against '{name}' in phase {phase + 1}")
-                met.setdefault((id(hand), id(touched)), (hand, touched, []))[2].append(step)
-        for hand, touched, steps in met.values():
-            feature = relative_pose(hand.frame, hand.T, multiply(touched.T, T_contact), touched.frame)
-            self.add(Objective(feature, ObjectiveType.EQ, steps))
+        self._meet(entry, self.steps_of(entry))
 
     def _add_stable(self, entry: SkeletonEntry) -> None:
         """The mode switch: where the object was before, the manipulator meets it."""
-        touched = any(
-            e.frames == entry.frames and e.phase0 <= entry.phase0 <= e.phase1 for e in self.skeleton.of(Symbol.TOUCH)
-        )
-        if entry.phase0 > 0 and not touched:
-            meeting = SkeletonEntry(entry.phase0, entry.phase0, Symbol.TOUCH, entry.frames, entry.target)
-            self._add_touch(meeting)
+        touches = (e for e in self.skeleton.of(Symbol.TOUCH) if e.frames == entry.frames)
+        if entry.phase0 > 0 and not any(e.phase0 <= entry.phase0 <= e.phase1 for e in touches):
+            self._meet(entry, [self.step(entry.phase0)])
+
+    def _meet(self, entry: SkeletonEntry, steps: Iterable[int]) -> None:
+        """The manipulator at its contact with the object, at the steps at which this does not hang on it so already."""
+        manipulator, name = entry.frames
+        T_contact = self.timeline.T_obj_manipulator(entry)
+        met: dict[tuple[int, int], tuple[Place, Place, list[int]]] = {}
+        for step in steps:
+            phase = int(self._phase[step])
+            holder = self.skeleton.holding(name, phase)
+            if holder is not None and holder.frames == entry.frames:
+                if np.allclose(T_contact, self.timeline.T_obj_manipulator(holder)):
+                    continue
+            hand, touched = self.timeline.place(manipulator, phase), self.timeline.place(name, phase)
+            if hand.frame == touched.frame:
+                entry.reject(f"nothing moves '{manipulator}' against '{name}' in phase {phase + 1}")
+            met.setdefault((id(hand), id(touched)), (hand, touched, []))[2].append(step)
+        for hand, touched, steps in met.values():
+            feature = relative_pose(hand.frame, hand.T, multiply(touched.T, T_contact), touched.frame)
+            self.add(Objective(feature, ObjectiveType.EQ, steps))
 
     def _add_pose(self, entry: SkeletonEntry) -> None:
         rows = self._rows(entry)

@@ -39,6 +39,7 @@ class Timeline:
     def __init__(self, skeleton: Skeleton, workspace: Workspace):
         self.skeleton, self.workspace = skeleton, workspace
         self._places: dict[tuple[str, int], Place] = {}
+        self._contacts: dict[int, np.ndarray] = {}
         self._hung: dict[tuple, Place] = {}
         for entry in skeleton.entries:
             self._check(entry)
@@ -66,6 +67,12 @@ class Timeline:
 
     def T_obj_manipulator(self, entry: SkeletonEntry) -> np.ndarray:
         """The pose (7,) of the manipulator in the object's frame that a touch or stable entry asks for."""
+        key = id(entry)
+        if key not in self._contacts:
+            self._contacts[key] = self._contact(entry)
+        return self._contacts[key]
+
+    def _contact(self, entry: SkeletonEntry) -> np.ndarray:
         contact = self.skeleton.contact(entry)
         if contact is not None:
             return contact.T_obj_ee if isinstance(contact, ContactPoint) else np.asarray(contact, float)
