@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from hmap_core.transforms import (
     IDENTITY,
     apply,
+    consistent,
     from_matrix,
     inverse,
     multiply,
@@ -43,3 +44,13 @@ def test_many_poses_multiply_as_each_does():
         np.testing.assert_allclose(to_matrix(found), to_matrix(multiply(T, b)), atol=1e-12)
     np.testing.assert_allclose(multiply(a[0], IDENTITY), a[0], atol=1e-15)
     np.testing.assert_allclose(to_matrix(from_matrix(to_matrix(a[0]))), to_matrix(a[0]), atol=1e-12)
+
+
+def test_quaternions_of_a_path_do_not_turn_round():
+    turns = Rotation.from_rotvec(np.linspace(0, 12, 50)[:, None] * [0.0, 0.0, 1.0]).as_quat()
+    signs = np.random.default_rng(3).choice([-1.0, 1.0], 50)
+    poses = np.concatenate([np.ones((50, 3)), turns * signs[:, None]], axis=1)
+    found = consistent(poses)
+    assert (np.einsum("ij,ij->i", found[1:, 3:], found[:-1, 3:]) > 0.9).all()
+    np.testing.assert_array_equal(found[0], poses[0])
+    np.testing.assert_allclose(Rotation.from_quat(found[:, 3:]).as_matrix(), Rotation.from_quat(turns).as_matrix())

@@ -13,7 +13,7 @@ from hmap_core.komo.skeleton import Skeleton, SkeletonEntry, Symbol
 from hmap_core.komo.timeline import Place, Timeline
 from hmap_core.komo.transcription import KomoProblem, SolverOptions
 from hmap_core.komo.workspace import Workspace
-from hmap_core.transforms import IDENTITY, apply, multiply, multiply_all, pose, rotation_matrix
+from hmap_core.transforms import IDENTITY, apply, consistent, multiply, multiply_all, pose, rotation_matrix
 
 
 class SkeletonProblem(KomoProblem):
@@ -174,7 +174,8 @@ class SkeletonProblem(KomoProblem):
             for place, phases in self.timeline.runs(name):
                 span = slice(self.step(phases.start) + 1, self.step(phases.stop) + 1)
                 poses[span] = place.T_ee if place.robot is None else multiply_all(hands[place.robot][span], place.T_ee)
-            found[name] = consistent(poses, self.workspace.state.poses[name])
+            first = self.workspace.state.poses[name]
+            found[name] = consistent(np.concatenate([first[None], poses]))[1:]
         return found
 
 
@@ -195,11 +196,3 @@ def _top(shapes) -> tuple[np.ndarray, np.ndarray]:
     height = (shapes.vertices[:, 2] + radius).max()
     low, high = shapes.vertices[:, :2].min(0), shapes.vertices[:, :2].max(0)
     return np.array([*(low + high) / 2, height]), (high - low) / 2
-
-
-def consistent(poses: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """The same poses (T, 7) with each quaternion on the side of the one before, the first on that of ``first``."""
-    quaternions = np.concatenate([first[None, 3:], poses[:, 3:]])
-    turned = np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1]) < 0.0
-    sign = np.where(np.cumsum(turned) % 2, -1.0, 1.0)
-    return np.concatenate([poses[:, :3], poses[:, 3:] * sign[:, None]], axis=1)
