@@ -12,12 +12,16 @@ _POINT = np.zeros((1, 3)), 0.0, np.zeros(3), 0.0, NO_EDGES  # stands in for a sh
 
 
 class BaseModel(CollisionModel):
-    """A model that others grow from; it must not grow once one has."""
+    """A model that others grow from; it must not grow any more once it was packed."""
 
     @cached_property
     def packed(self) -> Collisions:
         """Its arrays, packed once."""
-        return self.arrays()
+        return super().arrays()
+
+    def arrays(self) -> Collisions:
+        """As :meth:`CollisionModel.arrays`."""
+        return self.packed
 
 
 class GrownModel(CollisionModel):

@@ -65,6 +65,8 @@ class Clearances:
 
     def model(self) -> CollisionModel:
         """The shapes and pairs of all phases."""
+        if not self._timeline.handled:
+            return self._around.model
         model = GrownModel(self._around.model)
         stays: list[_Stay] = []
         for body in self._timeline.handled:
