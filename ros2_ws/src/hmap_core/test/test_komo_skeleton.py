@@ -211,6 +211,8 @@ WRONG = {
     "the start is given": lambda: [entry(0, 0, "home", "left")],
     "for whole phases": lambda: [entry(0.5, 2, "stable", "left", "brick", target=grasp())],
     "7 finite numbers": lambda: [entry(1, 1, "pose_eq", "left", target=(0.5, 0, 0.3))],
+    "must be 7 finite numbers": lambda: [entry(1, 2, "stable", "left", "brick", target=(0, 0, 0.1))],
+    "one contact": lambda: [entry(1, 1, "touch", "left", "brick", target=np.tile(GOAL, (3, 1)))],
     "quaternion": lambda: [entry(1, 1, "pose_eq", "left", target=(0.5, 0, 0.3, 0, 0, 0, 2))],
     "at the same time": lambda: [HOLD, entry(1, 3, "stable", "right", "brick", target=grasp())],
     "no frame 'brack'": lambda: [entry(1, 2, "stable", "left", "brack", target=grasp())],
@@ -234,6 +236,32 @@ WRONG = {
 def test_what_does_not_fit_is_named(workspace, reason):
     with pytest.raises(InputError, match=reason):
         SkeletonProblem(Skeleton(WRONG[reason]()), workspace, 4)
+
+
+def test_robots_that_move_must_be_there(workspace):
+    with pytest.raises(InputError, match="no robot 'middle'; there are left, right"):
+        Workspace(workspace.scene, robots=["middle"])
+
+
+def test_what_is_put_onto_something_is_where_that_is(workspace):
+    """Relative to a body that stands; the two may touch; a hold may be written in two."""
+    on_top = pose((0, 0, BRICK[2]))
+    skeleton = Skeleton([
+        entry(1, 2, "stable", "left", "brick", target=grasp()),
+        entry(2, 3, "stable", "left", "brick", target=grasp()),
+        entry(1, 3, "above", "brick", "block"),
+        entry(3, 3, "pose_eq", "brick", "block", target=on_top),
+        entry(3, 4, "stable", "left", "block", target=grasp(0.0)),
+    ])  # fmt: skip
+    problem = SkeletonProblem(skeleton, workspace, 4)
+    poses = problem.object_poses(np.tile(workspace.start, (16, 1)))
+    np.testing.assert_allclose(poses["brick"][-1], multiply(workspace.state.poses["block"], on_top), atol=1e-12)
+    assert margins(problem, "brick", "block") == {
+        1: [-TOUCH_ALLOWANCE], 2: [-TOUCH_ALLOWANCE], 3: [-TOUCH_ALLOWANCE],
+    }  # fmt: skip
+    meetings = [list(o.steps) for o in problem.objectives if o.feature.name == "relative_pose"]
+    assert sorted(meetings) == [[3], [11], [11]]
+    assert "'stable left block' (phases 3 to 4)" in repr(skeleton)
 
 
 def test_what_hangs_on_itself_is_bad_input(workspace):

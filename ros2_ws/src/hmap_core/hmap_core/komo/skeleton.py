@@ -76,6 +76,10 @@ class SkeletonEntry:
             self.reject(f"phases must rise, from 0 to at most {MAX_PHASES}")
         if self.symbol in COLUMNS:
             self._check_target(COLUMNS[self.symbol])
+        elif self.symbol in (Symbol.TOUCH, Symbol.STABLE) and not isinstance(self.target, ContactPoint | None):
+            self._check_target(COLUMNS[Symbol.POSE_EQ])
+            if self.target.ndim > 1:
+                self.reject("its target must be one contact")
 
     def _check_target(self, columns: int) -> None:
         rows = np.asarray(self.target if self.target is not None else np.nan, float)

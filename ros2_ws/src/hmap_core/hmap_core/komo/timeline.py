@@ -76,9 +76,7 @@ class Timeline:
         contact = self.skeleton.contact(entry)
         if contact is not None:
             return contact.T_obj_ee if isinstance(contact, ContactPoint) else np.asarray(contact, float)
-        if entry.phase0 > 0:
-            entry.reject("no contact is given, and no touch begins it")
-        manipulator, name = entry.frames
+        manipulator, name = entry.frames  # held from the start, as checked
         poses = self.workspace.state.poses
         is_robot = manipulator in self.workspace.scene.robots
         T = self.workspace.T_world_ee(manipulator) if is_robot else poses[manipulator]
