@@ -3,7 +3,7 @@
 ``Skeleton([SkeletonEntry(1, 1, "touch", ("panda", "box"), contact), SkeletonEntry(1, 2, "stable", ("panda", "box")),
 SkeletonEntry(2, 2, "pose_eq", ("box",), goal)])`` is a pick and place: the first phase ends where the hand touches the
 box, which from then on hangs on the hand, and the second phase ends with the box at its goal. The text of a skeleton is
-checked here; :mod:`hmap_core.komo.transcription_of_skeletons` makes a :class:`KomoProblem` of it.
+checked here; :mod:`hmap_core.komo.skeleton_problem` makes a ``KomoProblem`` of it.
 
 The vocabulary is that of Toussaint, Logic-Geometric Programming, 2015, and of RAI's ``KOMO/skeleton.h``.
 """
@@ -30,7 +30,7 @@ class Symbol(StrEnum):
     POSE_EQ = "pose_eq"  # (frame[, reference]): its pose (7,) there, or one per step (S, 7)
     POSITION_EQ = "position_eq"  # (frame[, reference]): its position (3,) there, or one per step (S, 3)
     ABOVE = "above"  # (object, support): stands upright on the support's top, not beyond its edges
-    HOME = "home"  # (robot, ...): joints (n,) of these robots, by default their home postures
+    HOME = "home"  # (robot, ...), all that move: their joints (n,), by default the home postures
 
 
 FRAMES = {
