@@ -4,6 +4,9 @@ A pose is a float array (7,): position x, y, z in metres, then a unit quaternion
 PyBullet and SciPy). ``T_a_b`` is the pose of frame b expressed in frame a, so ``multiply(T_a_b, T_b_c)`` is ``T_a_c``.
 """
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -35,9 +38,22 @@ def to_matrix(T: np.ndarray) -> np.ndarray:
     return matrix
 
 
+def _numbers(array: np.ndarray) -> list[float]:
+    """Python's floats, whose arithmetic is several times faster than that of numpy's scalars."""
+    return np.asarray(array, float).tolist()
+
+
+def _rotated(q: Sequence[float], v: Sequence[float]) -> tuple[float, float, float]:
+    """The vector v turned by the unit quaternion q xyzw."""
+    x, y, z, w = q
+    a, b, c = v
+    tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    return a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx
+
+
 def rotation_matrix(T: np.ndarray) -> np.ndarray:
     """Rotation matrix (3, 3) of a pose (7,)."""
-    x, y, z, w = T[3:]
+    x, y, z, w = _numbers(T)[3:]
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -49,22 +65,27 @@ def rotation_matrix(T: np.ndarray) -> np.ndarray:
 
 def quaternion_multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Hamilton product (4,) of two quaternions xyzw."""
+    return np.array(_product(_numbers(a), _numbers(b)))
+
+
+def _product(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float, float]:
     ax, ay, az, aw = a
     bx, by, bz, bw = b
-    return np.array(
-        [
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-            aw * bw - ax * bx - ay * by - az * bz,
-        ]
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
     )
 
 
 def multiply(T_a_b: np.ndarray, T_b_c: np.ndarray) -> np.ndarray:
     """``T_a_c`` (7,) from ``T_a_b`` and ``T_b_c``."""
-    q = quaternion_multiply(T_a_b[3:], T_b_c[3:])
-    return np.concatenate([T_a_b[:3] + rotation_matrix(T_a_b) @ T_b_c[:3], q / np.linalg.norm(q)])
+    a, b = _numbers(T_a_b), _numbers(T_b_c)
+    x, y, z, w = _product(a[3:], b[3:])
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    u, v, t = _rotated(a[3:], b[:3])
+    return np.array([a[0] + u, a[1] + v, a[2] + t, x / length, y / length, z / length, w / length])
 
 
 def multiply_all(T_a_b: np.ndarray, T_b_c: np.ndarray) -> np.ndarray:
@@ -76,8 +97,10 @@ def multiply_all(T_a_b: np.ndarray, T_b_c: np.ndarray) -> np.ndarray:
 
 def inverse(T_a_b: np.ndarray) -> np.ndarray:
     """``T_b_a`` (7,)."""
-    q = T_a_b[3:] * [-1.0, -1.0, -1.0, 1.0]
-    return np.concatenate([-(rotation_matrix(T_a_b).T @ T_a_b[:3]), q])
+    a = _numbers(T_a_b)
+    back = -a[3], -a[4], -a[5], a[6]
+    x, y, z = _rotated(back, a[:3])
+    return np.array([-x, -y, -z, *back])
 
 
 def apply(T_a_b: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -91,6 +114,13 @@ def distance(T_a: np.ndarray, T_b: np.ndarray) -> tuple[float, float]:
     q = quaternion_multiply(T_a[3:] * [-1.0, -1.0, -1.0, 1.0], T_b[3:])
     angle = 2.0 * np.arctan2(np.linalg.norm(q[:3]), abs(q[3]))
     return float(np.linalg.norm(T_a[:3] - T_b[:3])), float(angle)
+
+
+def consistent(poses: np.ndarray) -> np.ndarray:
+    """The same poses (M, 7) with quaternions that never turn round between neighbours."""
+    turns = np.einsum("ij,ij->i", poses[1:, 3:], poses[:-1, 3:]) < 0.0
+    sign = np.where(np.cumsum([False, *turns]) % 2, -1.0, 1.0)
+    return np.concatenate([poses[:, :3], poses[:, 3:] * sign[:, None]], axis=1)
 
 
 def interpolate(T_a: np.ndarray, T_b: np.ndarray, s) -> np.ndarray:

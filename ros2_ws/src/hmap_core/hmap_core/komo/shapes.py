@@ -1,0 +1,31 @@
+"""Convex shapes of bodies and of robots that stand still."""
+
+import numpy as np
+
+from hmap_core.collision.convex import ConvexSet, convex_set
+from hmap_core.kinematics.arm import load_arm
+from hmap_core.transforms import apply
+from hmap_core.types import Body, Robot
+
+_SETS: dict[tuple, ConvexSet] = {}
+
+
+def body_set(body: Body) -> ConvexSet:
+    """Convex set of a body in its own frame; computed once per geometry."""
+    key = tuple((s.kind, s.size, s.pose.tobytes(), s.mesh) for s in body.shapes)
+    if key not in _SETS:
+        _SETS[key] = convex_set(body.shapes)
+    return _SETS[key]
+
+
+def posed_links(robot: Robot, q: np.ndarray, opening: float):
+    """Links of a robot standing at q (n,) as (name, world vertices (m, 3), radius, bounding sphere, edges)."""
+    arm = load_arm(robot.model)
+    R, p = arm.frames(q)
+    posed = []
+    for hull in arm.hulls:
+        center, bound = hull.sphere_at(opening)
+        vertices = apply(robot.base_pose, hull.at(opening) @ R[hull.frame].T + p[hull.frame])
+        center = apply(robot.base_pose, R[hull.frame] @ center + p[hull.frame])
+        posed.append((hull.link, vertices, hull.radius, (center, bound), hull.edges))
+    return posed

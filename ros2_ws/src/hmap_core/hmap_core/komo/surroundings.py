@@ -1,0 +1,168 @@
+"""Moving arms among what stands around: the part of a skeleton's collision model that its objects do not change."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hmap_core.collision.convex import ConvexSet, transformed
+from hmap_core.collision.grown import BaseModel
+from hmap_core.collision.scene_model import CollisionModel
+from hmap_core.kinematics.model import KinematicModel
+from hmap_core.komo.margins import ROBOT_CLEARANCE, SELF_CLEARANCE
+from hmap_core.komo.shapes import posed_links
+from hmap_core.transforms import apply
+from hmap_core.types import Scene, SceneState
+
+# The openings of the moving robots' grippers: robot, then each opening (m) with the bit mask of its phases.
+Openings = tuple[tuple[str, tuple[tuple[float, int], ...]], ...]
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a hand: its shapes' numbers, the shapes in the tip frame, the bit mask of the phases it is so in."""
+
+    shapes: tuple[int, ...]
+    set: ConvexSet
+    phases: int
+
+
+@dataclass(frozen=True)
+class ArmShapes:
+    """Numbers of a moving arm's shapes in a collision model, its fingers left out.
+
+    Attributes:
+        base: of the links that do not move; upper: of those before the last joint; hand: of those after it.
+        hand_set: the hand's shapes in the tip frame.
+        by_hull: the number of each of the arm's hulls; None for a finger.
+    """
+
+    base: tuple[int, ...]
+    upper: tuple[int, ...]
+    hand: tuple[int, ...]
+    hand_set: ConvexSet
+    by_hull: tuple[int | None, ...]
+
+    @property
+    def all(self) -> tuple[int, ...]:
+        return self.base + self.upper + self.hand
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """Moving arms among what stands around.
+
+    Attributes:
+        model: their shapes, and the pairs that hold in every phase.
+        arms: of each moving robot.
+        fingers: of each moving robot, once for each opening.
+        standing: name of a body, or of a robot that stands still -> its shapes' numbers.
+        sets: the same names -> the shapes in the world.
+        boxes: (len(sets), 2, 3) lower and upper corners round them in the world, in the order of ``sets``.
+    """
+
+    model: BaseModel
+    arms: dict[str, ArmShapes]
+    fingers: dict[str, tuple[Part, ...]]
+    standing: dict[str, list[int]]
+    sets: dict[str, ConvexSet]
+    boxes: np.ndarray
+
+
+def collect(
+    scene: Scene, state: SceneState, chain: KinematicModel, bodies: Mapping[str, ConvexSet], openings: Openings
+) -> Surroundings:
+    """The arms of a chain among bodies, given by their shapes, and the robots that stand still."""
+    model = BaseModel()
+    arms = {name: _add_arm(model, chain, name) for name in chain.arms}
+    standing, sets = {}, {}
+    for name, shapes in bodies.items():
+        sets[name] = transformed(shapes, state.poses[name])
+        standing[name] = model.add_set(name, sets[name], 0)
+    for name, robot in scene.robots.items():
+        if name not in chain.arms:
+            standing[name] = [
+                model.add(f"{name}/{link}", vertices, radius, 0, sphere, edges=edges)
+                for link, vertices, radius, sphere, edges in posed_links(robot, state.q[name], state.gripper[name])
+            ]
+            sets[name] = hull_set([model.hulls[s] for s in standing[name]])
+    around = [s for shapes in standing.values() for s in shapes]
+    fingers: dict[str, tuple[Part, ...]] = {}
+    for name, variants in openings:
+        parts = _add_fingers(model, chain, name, arms[name], variants)
+        arm = arms[name]
+        model.keep_apart(arm.upper + arm.hand, around, ROBOT_CLEARANCE)
+        for part in parts:
+            model.keep_apart(part.shapes, around, ROBOT_CLEARANCE, part.phases)
+        for other, others in fingers.items():
+            _keep_robots_apart(model, arm, parts, arms[other], others)
+        fingers[name] = parts
+    boxes = [(s.vertices - s.radius.max(), s.vertices + s.radius.max()) for s in sets.values()]
+    corners = np.array([(low.min(0), high.max(0)) for low, high in boxes]).reshape(-1, 2, 3)
+    return Surroundings(model, arms, fingers, standing, sets, corners)
+
+
+def _keep_robots_apart(
+    model: CollisionModel, a: ArmShapes, fingers_a: Sequence[Part], b: ArmShapes, fingers_b: Sequence[Part]
+) -> None:
+    model.keep_apart(a.upper + a.hand, b.all, ROBOT_CLEARANCE)
+    model.keep_apart(a.base, b.upper + b.hand, ROBOT_CLEARANCE)
+    for part in fingers_a:
+        model.keep_apart(part.shapes, b.all, ROBOT_CLEARANCE, part.phases)
+        for other in fingers_b:
+            if part.phases & other.phases:
+                model.keep_apart(part.shapes, other.shapes, ROBOT_CLEARANCE, part.phases & other.phases)
+    for part in fingers_b:
+        model.keep_apart(part.shapes, a.all, ROBOT_CLEARANCE, part.phases)
+
+
+def hull_set(hulls: Sequence[tuple]) -> ConvexSet:
+    """The set of hulls given as in a collision model: (vertices (m, 3), radius, centre (3,), bound, edges)."""
+    vertices, radius, center, bound, edges = zip(*hulls, strict=True)
+    start = np.cumsum([0, *map(len, vertices)], dtype=np.int64)
+    return ConvexSet(np.concatenate(vertices), start, np.array(radius), np.array(center), np.array(bound), edges)
+
+
+def _add_arm(model: CollisionModel, chain: KinematicModel, name: str) -> ArmShapes:
+    """Adds the links of a moving arm and the pairs of them that keep apart."""
+    placed = chain.arms[name]
+    parts: dict[str, list[int]] = {"base": [], "upper": [], "hand": []}
+    by_hull: list[int | None] = []
+    for hull in placed.arm.hulls:
+        if hull.finger:
+            by_hull.append(None)
+            continue
+        vertices, (center, bound) = hull.at(0.0), hull.sphere
+        if hull.frame == 0:
+            vertices, center = apply(placed.T_world_base, vertices), apply(placed.T_world_base, center)
+        frame = chain.frame(name, hull.frame)
+        sphere = center, bound
+        number = model.add(f"{name}/{hull.link}", vertices, hull.radius, frame, sphere, edges=hull.edges)
+        parts["base" if hull.frame == 0 else "hand" if hull.frame == placed.arm.n else "upper"].append(number)
+        by_hull.append(number)
+    for i, j in placed.arm.self_pairs:
+        if by_hull[i] is not None and by_hull[j] is not None:
+            model.keep_apart([by_hull[i]], [by_hull[j]], SELF_CLEARANCE)
+    base, upper, hand = (tuple(part) for part in parts.values())
+    return ArmShapes(base, upper, hand, hull_set([model.hulls[s] for s in hand]), tuple(by_hull))
+
+
+def _add_fingers(
+    model: CollisionModel, chain: KinematicModel, name: str, shapes: ArmShapes, openings: Sequence[tuple[float, int]]
+) -> tuple[Part, ...]:
+    """Adds the fingers of a moving arm once for each opening, and the pairs of them and its links that keep apart."""
+    arm = chain.arms[name].arm
+    hulls = [i for i, number in enumerate(shapes.by_hull) if number is None]
+    found = []
+    for opening, phases in openings if hulls else ():
+        own = {}
+        for i in hulls:
+            h = arm.hulls[i]
+            sphere = h.sphere_at(opening)
+            own[i] = model.add(f"{name}/{h.link}", h.at(opening), h.radius, chain.tip(name), sphere, edges=h.edges)
+        for i, j in arm.self_pairs:
+            if i in own or j in own:
+                a, b = (own.get(h, shapes.by_hull[h]) for h in (i, j))
+                model.keep_apart([a], [b], SELF_CLEARANCE, phases)
+        found.append(Part(tuple(own.values()), hull_set([model.hulls[s] for s in own.values()]), phases))
+    return tuple(found)
