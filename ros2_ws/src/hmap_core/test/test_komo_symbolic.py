@@ -165,6 +165,25 @@ def test_a_compiler_that_fails_is_done_without(tmp_path, monkeypatch):
     assert not made.compiled and not list(tmp_path.rglob("*.so"))
 
 
+def test_where_there_is_no_compiler_it_works_without(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setenv("CC", "no-such-compiler")
+    assert find_compiler() is None
+    world = model("panda")
+    without = above(7, pose(), 0.05, pose(), (0.2, 0.1))
+    monkeypatch.undo()
+    for feature, other in zip(without, above(7, pose(), 0.05, pose(), (0.2, 0.1)), strict=True):
+        for ours, theirs in zip(*(evaluate(f, world.chain, np.full(7, 0.3)) for f in (feature, other)), strict=True):
+            np.testing.assert_allclose(ours, theirs, atol=1e-12)
+
+
+def test_a_compiler_is_asked_for_where_the_user_says(tmp_path, monkeypatch):
+    mine = tmp_path / "mycc"
+    mine.touch(mode=0o755)
+    monkeypatch.setenv("CC", str(mine))
+    assert find_compiler() == str(mine)
+
+
 def test_too_much_is_refused():
     with pytest.raises(InputError, match="4 frames; allowed: 1 to 3"):
         symbolic_feature("too wide", three_frames, (1, 2, 3, 4))
