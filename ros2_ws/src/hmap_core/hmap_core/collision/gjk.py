@@ -21,6 +21,7 @@ EPA_GAP = 1e-7  # m: accuracy of the penetration depth
 EPA_VERTICES = 64
 EPA_FACES = 192
 FAR = 1e9
+FLAT = 1e-12  # m: four points of which none is farther than this from the plane of the others have no inside
 # offsets into the scratch: direction, simplex of A - B, its points on A and on B (4 each), their weights
 V, W, WA, WB, BARY = 0, 3, 15, 27, 39
 WORK = (20, 3)  # shape of the scratch
@@ -135,6 +136,15 @@ def _volume(work, i, j, k, x0, x1, x2):
     return b0 * (c1 * d2 - c2 * d1) - b1 * (c0 * d2 - c2 * d0) + b2 * (c0 * d1 - c1 * d0)
 
 
+@nb.njit(**INLINE)
+def _is_flat(work, i, j, k, volume):
+    """Whether the fourth point of a tetrahedron of six times this volume is in the plane of ijk but for rounding."""
+    u0, u1, u2 = work[j] - work[i], work[j + 1] - work[i + 1], work[j + 2] - work[i + 2]
+    w0, w1, w2 = work[k] - work[i], work[k + 1] - work[i + 1], work[k + 2] - work[i + 2]
+    n0, n1, n2 = u1 * w2 - u2 * w1, u2 * w0 - u0 * w2, u0 * w1 - u1 * w0
+    return volume * volume <= FLAT * FLAT * (n0 * n0 + n1 * n1 + n2 * n2)
+
+
 @nb.njit(**OPTIONS)
 def _tetrahedron_weights(work):
     """Weights of the point of the simplex' four points closest to the origin, into the scratch; True: it is inside."""
@@ -146,7 +156,7 @@ def _tetrahedron_weights(work):
         i, j, k = (w1, w2, w3) if f == 0 else ((w0, w2, w3) if f == 1 else ((w0, w1, w3) if f == 2 else (w0, w1, w2)))
         o = W + 3 * f
         opposite = _volume(work, i, j, k, work[o], work[o + 1], work[o + 2])
-        if opposite * _volume(work, i, j, k, 0.0, 0.0, 0.0) > 0.0 and abs(opposite) > 1e-300:
+        if opposite * _volume(work, i, j, k, 0.0, 0.0, 0.0) > 0.0 and not _is_flat(work, i, j, k, opposite):
             continue
         inside = False
         x, y, z = _face(work, i, j, k)
@@ -322,7 +332,7 @@ def _tetrahedron(VA, EA, RA, pA, VB, EB, RB, pB, work, n):
         elif n == 2:
             if _plane(P, 0, 1, 2)[3] != -1.0:
                 n = 3
-        elif abs(_volume(work, W, W + 3, W + 6, P[3, 0], P[3, 1], P[3, 2])) > 1e-16:
+        elif not _is_flat(work, W, W + 3, W + 6, _volume(work, W, W + 3, W + 6, P[3, 0], P[3, 1], P[3, 2])):
             n = 4
     return n
 

@@ -19,7 +19,7 @@ from hmap_core.komo.arrays import Model, Multipliers, Scratch, Terms
 from hmap_core.komo.banded import PADDING, cholesky_solve
 from hmap_core.komo.features.base import MAX_DIM, call_kernel
 
-SOS, EQ, INEQ = 0, 1, 2
+SOS, EQ, INEQ, BAND = 0, 1, 2, 3  # a band is an equality that may be missed by a little, as between steps
 MAX_ORDER = 2
 MODEL_ROUNDS = 6  # systems solved for one step, at most
 # shares of what the slope promises (a quadratic gives half) below which a step is refused, the next one is damped
@@ -253,25 +253,30 @@ def _objectives(X, prefix, t, sample, alpha, R, p, chain, terms, mu, lam, s, mod
         for d in range(dim):
             weight = terms.scale[m]
             value = s.r[d]
+            sign = 1.0
+            if kind == BAND:
+                sign = 1.0 if value > 0.0 else -1.0
+                value = abs(value) - terms.band[m, d]
+            one_sided = kind == INEQ or kind == BAND
             if kind != SOS:
+                if one_sided:
+                    worst_ineq = max(worst_ineq, value)
+                else:
+                    worst_eq = max(worst_eq, abs(value))
                 weight *= mu
                 value += lam[m, d] / weight
-                if kind == EQ:
-                    worst_eq = max(worst_eq, abs(s.r[d]))
-                else:
-                    worst_ineq = max(worst_ineq, s.r[d])
             half = 0.5 * weight * value * value
-            if kind == INEQ and value <= 0.0:
+            if one_sided and value <= 0.0:
                 half = 0.0
             merit += half
             if kind == SOS:
                 cost += half
-            if order == 0 and kind == INEQ:
+            if order == 0 and one_sided:
                 c = model.count[0]
                 model.count[0] = c + 1
                 model.step[c], model.alpha[c], model.value[c], model.weight[c] = t, alpha, value, weight
                 for i in range(n):
-                    model.row[c, i] = s.J[d, i]
+                    model.row[c, i] = sign * s.J[d, i]
             elif order == 0:
                 for i in range(n):
                     g = weight * s.J[d, i]
@@ -482,7 +487,8 @@ def _update_multipliers(X, prefix, chain, terms, cols, samples, o, mult, model, 
                 else:
                     _value(X, prefix, t, m, chain, terms, s)
                 for d in range(terms.dim[m]):
-                    lam = mult.terms[m, d] + mu * terms.scale[m] * s.r[d]
+                    c = abs(s.r[d]) - terms.band[m, d] if terms.type[m] == BAND else s.r[d]
+                    lam = mult.terms[m, d] + mu * terms.scale[m] * c
                     mult.terms[m, d] = lam if terms.type[m] == EQ else max(0.0, lam)
         for i in range(n):
             mult.limits[t, i, 0] = max(0.0, mult.limits[t, i, 0] + mu * (chain.lower[i] - X[t, i]))
@@ -609,7 +615,7 @@ def solve_batch(X, prefix, chain, terms, params, cols, free, samples, o):
 def _with_params(terms, params):
     return Terms(
         terms.kernel, terms.type, terms.step, terms.dim, terms.scale, terms.frames, terms.offset, params, terms.target,
-        terms.order, terms.by_sample, terms.tau,
+        terms.order, terms.band, terms.by_sample, terms.tau,
     )  # fmt: skip
 
 

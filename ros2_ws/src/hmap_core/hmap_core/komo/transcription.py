@@ -15,6 +15,7 @@ from hmap_core.komo.features.base import MAX_DIM, MAX_FRAMES, Feature
 from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.options import IK_OPTIONS, SolverOptions
 from hmap_core.komo.solver import (
+    BAND,
     MAX_ORDER,
     between_violations,
     feature_values,
@@ -39,7 +40,10 @@ VERIFY_SLACK = 0.0005
 VERIFY_STEP = 0.0005  # m of motion after which the verification looks again at the latest
 SAMPLE_GAP = 0.02  # share of an interval within which two collision samples count as one
 BETWEEN = np.array([0.25, 0.5, 0.75])  # shares of an interval at which constraints of both its ends are verified
-BETWEEN_TOLERANCE = 5e-4  # m, rad: half of what the judge allows
+# Between its steps a constraint of both ends of an interval may be left by this: m, and rad or share of a unit vector.
+# Where it is left by more it is asked there too, to within the band.
+BETWEEN_TOLERANCE = (5e-4, 4e-3)
+BETWEEN_BAND = (3e-4, 2e-3)
 BUMPS = np.array([0.2, 0.4, 0.8])  # rad: sizes of the random bumps on first guesses
 BRIDGES = 8  # of each size that are tried where the straight way is blocked
 IK_STARTS = 12  # random configurations from which the IK of a phase's end is tried at most
@@ -244,8 +248,9 @@ class KomoProblem:
             frames[k, : len(o.feature.frames)] = o.feature.frames
             if o.target is not None:
                 target[k, : o.feature.dim] = o.target
+        loose = np.arange(len(index)) >= len(index) - len(between)
         order = np.argsort(at, kind="stable")
-        index, at = index[order], at[order]
+        index, at, loose = index[order], at[order], loose[order]
         kernel, kind, dim, difference = (
             np.array(values, np.int64)[index]
             for values in (
@@ -256,10 +261,13 @@ class KomoProblem:
             )
         )
         scale = np.array([o.scale for o in self.objectives], float)[index]
+        band = np.zeros((len(index), MAX_DIM))
+        for m in np.flatnonzero(loose & (kind == ObjectiveType.EQ)):
+            kind[m], band[m, : dim[m]] = BAND, _by_unit(self.objectives[index[m]], BETWEEN_BAND)
         by_sample = np.searchsorted(at, np.arange(len(samples.alpha) + 1)).astype(np.int64)
         return Terms(
             kernel, kind, step[order].astype(np.int64), dim, scale, frames[index], offset[order],
-            np.concatenate([*params, np.zeros(1)]), target[index], difference, by_sample, float(self.tau),
+            np.concatenate([*params, np.zeros(1)]), target[index], difference, band, by_sample, float(self.tau),
         )  # fmt: skip
 
     def solve(
@@ -373,14 +381,16 @@ class KomoProblem:
             _frames(objective),
             objective.feature.params,
         ) - (0.0 if objective.target is None else np.asarray(objective.target))
-        off = (np.abs(value) if objective.type == ObjectiveType.EQ else value).max(1)
+        off = (np.abs(value) if objective.type == ObjectiveType.EQ else value) / _by_unit(objective, BETWEEN_TOLERANCE)
         found = []
         for k, step in enumerate(steps):
-            worst = k * len(BETWEEN) + int(off[k * len(BETWEEN) : (k + 1) * len(BETWEEN)].argmax())
-            if off[worst] > BETWEEN_TOLERANCE:
-                component = int(np.abs(value[worst]).argmax())
-                text = self._named(objective, component, off[worst], step + alpha[worst])
-                found.append(_Failure(int(step), float(alpha[worst]), float(off[worst]), index, text))
+            own = off[k * len(BETWEEN) : (k + 1) * len(BETWEEN)]
+            place, component = np.unravel_index(int(own.argmax()), own.shape)
+            if own[place, component] > 1.0:
+                at = float(BETWEEN[place])
+                amount = abs(float(value[k * len(BETWEEN) + place, component]))
+                text = self._named(objective, int(component), amount, step + at)
+                found.append(_Failure(int(step), at, amount, index, text))
         return found
 
     def _new_place(self, known, step: int, alpha: float) -> tuple[int, float]:
@@ -443,7 +453,7 @@ class KomoProblem:
         own = Terms(
             *(getattr(terms, name)[chosen] for name in ("kernel", "type")), np.zeros(len(chosen), np.int64),
             *(getattr(terms, name)[chosen] for name in ("dim", "scale", "frames", "offset")), terms.params,
-            terms.target[chosen], terms.order[chosen], np.array([0, len(chosen)]), terms.tau,
+            terms.target[chosen], terms.order[chosen], terms.band[chosen], np.array([0, len(chosen)]), terms.tau,
         )  # fmt: skip
         samples = Samples(np.array([0, 1]), np.ones(1), samples.mask[sample : sample + 1])
         random = rng.uniform(self.chain.lower, self.chain.upper, (IK_STARTS, len(near)))
@@ -533,6 +543,11 @@ class _Failure:
     amount: float
     objective: int | None
     text: str
+
+
+def _by_unit(objective: Objective, values: tuple[float, float]) -> np.ndarray:
+    """(dim,) the first value for lengths, the second for angles and directions."""
+    return np.where(np.arange(objective.feature.dim) < objective.feature.lengths, *values)
 
 
 def _frames(objective: Objective) -> np.ndarray:

@@ -103,4 +103,4 @@ def relative_pose(frame: int, T_frame_offset, T_reference_target, reference: int
     free, as in a grasp that is chosen, use :func:`~hmap_core.komo.features.stable.stable`.
     """
     params = pose_params(np.asarray(T_frame_offset, float), np.asarray(T_reference_target, float))
-    return Feature("relative_pose", _kernel.address, 6, (frame, reference), params, "m, rad")
+    return Feature("relative_pose", _kernel.address, 6, (frame, reference), params, "m, rad", 3)

@@ -30,4 +30,4 @@ def stable(frame: int, reference: int, point=(0.0, 0.0, 0.0)) -> Feature:
         frame, reference: numbers of the frames; either may be the one that carries.
         point: (3,) in ``frame``, m; what is there stays to the tolerance (take the contact).
     """
-    return Feature("stable", _kernel.address, 12, (frame, reference), np.asarray(point, float), "m, 1")
+    return Feature("stable", _kernel.address, 12, (frame, reference), np.asarray(point, float), "m, 1", 3)
