@@ -1,0 +1,161 @@
+"""How the time of a KOMO grows: with its steps, with the obstacles in the scene, with the joints that move.
+
+Arms stand in a row and each goes from its home to a random pose in front of it, among boxes that float. One number is
+varied at a time; the others keep their standard values, and the seeds are the same for all values of it.
+"""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from hmap_core.benchmark import hmap_side
+from hmap_core.benchmark.instances import MotionInstance, Target, box, scene_of
+from hmap_core.benchmark.problems.common import SAFE, TABLE, sampled, table, yaw_quaternion
+from hmap_core.benchmark.sampling import end_effector, random_posture
+from hmap_core.benchmark.world import clearance
+from hmap_core.scenes import load_robot_model
+from hmap_core.transforms import pose
+from hmap_core.types import Body, Goal, Robot
+
+STEPS = (10, 20, 40, 80, 160)
+OBSTACLES = (0, 5, 10, 20, 40)
+ARMS = (("iiwa",), ("panda",), ("panda", "iiwa"), ("panda", "panda"), ("panda", "panda", "panda"))
+# what is kept while another number is varied
+STANDARD_STEPS, STANDARD_OBSTACLES, STANDARD_ARMS = 20, 10, ("panda",)
+INSTANCES = 15
+APART = 1.2  # m between two bases
+REACH = ((0.25, -0.4, 0.15), (0.7, 0.4, 0.8))  # m, from its base: where an arm's end-effector goes
+SPREAD = ((0.2, -0.6, 0.1), (0.9, 0.6, 1.0))  # m, from an arm's base: where boxes float
+BOX_SIZE = ((0.04, 0.04, 0.04), (0.12, 0.12, 0.2))  # m
+OPENING = 0.04  # m, of grippers
+DRAWS = 400  # postures and boxes drawn before an attempt is given up
+WARM_UP_SEED = 10**6
+
+
+def instance(seed: int, steps: int, obstacles: int, arms: tuple[str, ...]) -> MotionInstance:
+    """One motion; fewer obstacles are the first of many, and more steps change nothing else."""
+
+    def attempt(seed: int, rng: np.random.Generator) -> MotionInstance | None:
+        return _attempt(seed, rng, steps, obstacles, arms)
+
+    return sampled(attempt, "scaling", seed)
+
+
+def _attempt(seed, rng, steps, obstacles, arms) -> MotionInstance | None:
+    robots = [_arm(k, name) for k, name in enumerate(arms)]
+    opening = {r.name: 0.0 if r.model.gripper is None else OPENING for r in robots}
+    home = {r.name: r.q for r in robots}
+    goals = {r.name: _reaching(r, rng) for r in robots}
+    bodies = [table()]
+    if any(q is None for q in goals.values()) or not _free(bodies, robots, opening, (home, goals)):
+        return None
+    for _ in range(DRAWS):
+        if len(bodies) > max(OBSTACLES):
+            break
+        more = [*bodies, _box(len(bodies), robots[rng.integers(len(robots))], rng)]
+        bodies = more if _free([more[-1]], robots, opening, (home, goals)) else bodies
+    scene = scene_of("scaling", seed, bodies[: 1 + obstacles], robots, Goal(TABLE, pose()))
+    targets = tuple(Target(r.name, 0, end_effector(r, goals[r.name])) for r in robots)
+    return MotionInstance(scene, opening, (steps,), targets, seed=seed)
+
+
+def _arm(k: int, name: str) -> Robot:
+    model = load_robot_model(name)
+    return Robot(f"{name}_{k}", model, pose((0.0, APART * k, 0.0)), model.home)
+
+
+def _reaching(robot: Robot, rng: np.random.Generator) -> np.ndarray | None:
+    """A posture (n,) whose end-effector is in front of the robot."""
+    low, high = REACH
+    for _ in range(DRAWS):
+        q = random_posture(robot, rng)
+        place = end_effector(robot, q)[:3] - robot.base_pose[:3]
+        if np.all(low < place) and np.all(place < high):
+            return q
+    return None
+
+
+def _box(k: int, robot: Robot, rng: np.random.Generator) -> Body:
+    place = robot.base_pose[:3] + rng.uniform(*SPREAD)
+    return box(f"box_{k}", rng.uniform(*BOX_SIZE), pose(place, yaw_quaternion(rng.uniform(-np.pi, np.pi))))
+
+
+def _free(bodies, robots, opening, postures) -> bool:
+    scene = scene_of("scaling", 0, bodies, robots, Goal(bodies[0].name, bodies[0].pose))
+    return all(clearance(scene, opening, q, SAFE) >= SAFE for q in postures)
+
+
+def run(instances: int = INSTANCES, progress: Callable[[str], None] = lambda text: None) -> dict:
+    """Solves everything.
+
+    Returns:
+        For "steps", "obstacles" and "joints": ``values``, ``labels``, ``median_ms`` of processor time and ``claimed``,
+        the number of instances with a feasible result, one each per value; and ``instances``, how many there were.
+    """
+    standard = {"steps": STANDARD_STEPS, "obstacles": STANDARD_OBSTACLES, "arms": STANDARD_ARMS}
+    data: dict = {"instances": instances}
+    for axis, key, settings in (
+        ("steps", "steps", STEPS),
+        ("obstacles", "obstacles", OBSTACLES),
+        ("joints", "arms", ARMS),
+    ):
+        rows = []
+        for value in settings:
+            progress(f"{key} {value}")
+            rows.append(_measure(instances, {**standard, key: value}))
+        sizes = [sum(len(load_robot_model(name).home) for name in arms) for arms in ARMS]
+        data[axis] = {
+            "values": sizes if key == "arms" else list(settings),
+            "labels": [" + ".join(v) if key == "arms" else str(v) for v in settings],
+            "median_ms": [row[0] for row in rows],
+            "claimed": [row[1] for row in rows],
+        }
+    return data
+
+
+def _measure(instances: int, settings: dict) -> tuple[float, int]:
+    """Median processor time in ms over the instances, and how many results are feasible."""
+    times, claimed = [], 0
+    for seed in (WARM_UP_SEED, *range(instances)):
+        problem = instance(seed, **settings)
+        prepared = hmap_side.prepare(problem)
+        before = time.process_time()
+        answer = hmap_side.solve(problem, prepared)
+        if seed != WARM_UP_SEED:
+            times.append((time.process_time() - before) * 1e3)
+            claimed += answer.claimed
+    return float(np.median(times)), claimed
+
+
+def linear_fit(data: dict) -> tuple[float, float]:
+    """Least-squares line through the times by steps: ms per step, ms at no steps."""
+    slope, offset = np.polyfit(data["steps"]["values"], data["steps"]["median_ms"], 1)
+    return float(slope), float(offset)
+
+
+def draw(data: dict, file: Path) -> None:
+    """One picture of what :func:`run` returns: a panel for each number that is varied."""
+    import matplotlib
+
+    matplotlib.use("agg")
+    from matplotlib import pyplot
+
+    figure, panels = pyplot.subplots(1, 3, figsize=(12.0, 3.6), layout="constrained")
+    for panel, axis in zip(panels, ("steps", "obstacles", "joints"), strict=True):
+        part = data[axis]
+        panel.plot(part["values"], part["median_ms"], "o", color="tab:blue")
+        panel.set(xlabel=axis, ylabel="processor time, ms (median)")
+        panel.set_xlim(left=0)
+        panel.set_ylim(bottom=0)
+        panel.grid(alpha=0.3)
+    slope, offset = linear_fit(data)
+    ends = np.array([0, max(data["steps"]["values"])])
+    panels[0].plot(ends, offset + slope * ends, color="tab:gray", label=f"{offset:.2g} + {slope:.2g} ms per step")
+    panels[0].legend()
+    joints = data["joints"]
+    for x, y, label in zip(joints["values"], joints["median_ms"], joints["labels"], strict=True):
+        panels[2].annotate(label, (x, y), xytext=(5, 5), textcoords="offset points", fontsize=7)
+    figure.savefig(file, dpi=150)
+    pyplot.close(figure)
