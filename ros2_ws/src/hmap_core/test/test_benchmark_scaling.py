@@ -26,6 +26,7 @@ def test_each_arm_has_a_target():
 def test_the_data_have_an_entry_for_each_value(monkeypatch, tmp_path):
     monkeypatch.setattr(scaling, "STEPS", (5, 10))
     monkeypatch.setattr(scaling, "OBSTACLES", (0, 2))
+    scaling._full_instance.cache_clear()
     monkeypatch.setattr(scaling, "ARMS", (("panda",), ("panda", "iiwa")))
     monkeypatch.setattr(scaling, "STANDARD_OBSTACLES", 2)
     data = scaling.run(instances=2)

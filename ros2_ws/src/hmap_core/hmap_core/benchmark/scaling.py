@@ -6,6 +6,8 @@ varied at a time; the others keep their standard values, and the seeds are the s
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,7 @@ from hmap_core.benchmark import hmap_side
 from hmap_core.benchmark.instances import MotionInstance, Target, box, scene_of
 from hmap_core.benchmark.problems.common import SAFE, TABLE, sampled, table, yaw_quaternion
 from hmap_core.benchmark.sampling import end_effector, random_posture
-from hmap_core.benchmark.world import clearance
+from hmap_core.benchmark.world import clearance, motion_world, nearest, pairs
 from hmap_core.scenes import load_robot_model
 from hmap_core.transforms import pose
 from hmap_core.types import Body, Goal, Robot
@@ -30,35 +32,41 @@ REACH = ((0.25, -0.4, 0.15), (0.7, 0.4, 0.8))  # m, from its base: where an arm'
 SPREAD = ((0.2, -0.6, 0.1), (0.9, 0.6, 1.0))  # m, from an arm's base: where boxes float
 BOX_SIZE = ((0.04, 0.04, 0.04), (0.12, 0.12, 0.2))  # m
 OPENING = 0.04  # m, of grippers
-DRAWS = 400  # postures and boxes drawn before an attempt is given up
+DRAWS = 400  # postures drawn before an attempt is given up
+BOXES = 80  # drawn; those too near to the arms are left out
 WARM_UP_SEED = 10**6
 
 
 def instance(seed: int, steps: int, obstacles: int, arms: tuple[str, ...]) -> MotionInstance:
     """One motion; fewer obstacles are the first of many, and more steps change nothing else."""
-
-    def attempt(seed: int, rng: np.random.Generator) -> MotionInstance | None:
-        return _attempt(seed, rng, steps, obstacles, arms)
-
-    return sampled(attempt, "scaling", seed)
+    full = _full_instance(seed, arms)
+    bodies = dict(list(full.scene.bodies.items())[: 1 + obstacles])  # the table is the first
+    return replace(full, scene=replace(full.scene, bodies=bodies), steps_per_phase=(steps,))
 
 
-def _attempt(seed, rng, steps, obstacles, arms) -> MotionInstance | None:
+@cache
+def _full_instance(seed: int, arms: tuple[str, ...]) -> MotionInstance:
+    """The motion among all obstacles, in one step."""
+    return sampled(lambda seed, rng: _attempt(seed, rng, arms), "scaling", seed)
+
+
+def _attempt(seed: int, rng: np.random.Generator, arms: tuple[str, ...]) -> MotionInstance | None:
     robots = [_arm(k, name) for k, name in enumerate(arms)]
     opening = {r.name: 0.0 if r.model.gripper is None else OPENING for r in robots}
     home = {r.name: r.q for r in robots}
     goals = {r.name: _reaching(r, rng) for r in robots}
-    bodies = [table()]
-    if any(q is None for q in goals.values()) or not _free(bodies, robots, opening, (home, goals)):
+    if any(q is None for q in goals.values()):
         return None
-    for _ in range(DRAWS):
-        if len(bodies) > max(OBSTACLES):
-            break
-        more = [*bodies, _box(len(bodies), robots[rng.integers(len(robots))], rng)]
-        bodies = more if _free([more[-1]], robots, opening, (home, goals)) else bodies
-    scene = scene_of("scaling", seed, bodies[: 1 + obstacles], robots, Goal(TABLE, pose()))
+    on_table = scene_of("scaling", seed, [table()], robots, Goal(TABLE, pose()))
+    if min(clearance(on_table, opening, q, SAFE) for q in (home, goals)) < SAFE:
+        return None
+    boxes = [_box(k, robots[rng.integers(len(robots))], rng) for k in range(BOXES)]
+    boxes = _apart(boxes, robots, opening, (home, goals))[: max(OBSTACLES)]
+    if len(boxes) < max(OBSTACLES):
+        return None
+    scene = scene_of("scaling", seed, [table(), *boxes], robots, Goal(TABLE, pose()))
     targets = tuple(Target(r.name, 0, end_effector(r, goals[r.name])) for r in robots)
-    return MotionInstance(scene, opening, (steps,), targets, seed=seed)
+    return MotionInstance(scene, opening, (1,), targets, seed=seed)
 
 
 def _arm(k: int, name: str) -> Robot:
@@ -82,9 +90,14 @@ def _box(k: int, robot: Robot, rng: np.random.Generator) -> Body:
     return box(f"box_{k}", rng.uniform(*BOX_SIZE), pose(place, yaw_quaternion(rng.uniform(-np.pi, np.pi))))
 
 
-def _free(bodies, robots, opening, postures) -> bool:
+def _apart(bodies: list[Body], robots, opening, postures) -> list[Body]:
+    """The bodies that robots in each of the postures keep SAFE from."""
     scene = scene_of("scaling", 0, bodies, robots, Goal(bodies[0].name, bodies[0].pose))
-    return all(clearance(scene, opening, q, SAFE) >= SAFE for q in postures)
+    near = set()
+    for q in postures:
+        world = motion_world(scene, opening, {name: np.atleast_2d(value) for name, value in q.items()})
+        near |= {name for pair in pairs(world) if nearest(world, [pair], SAFE) < SAFE for name in pair.names}
+    return [body for body in bodies if body.name not in near]
 
 
 def run(instances: int = INSTANCES, progress: Callable[[str], None] = lambda text: None) -> dict:
