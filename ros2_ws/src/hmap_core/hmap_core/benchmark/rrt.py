@@ -20,7 +20,7 @@ SEED = 0  # of the search
 MOTION = 0.002  # m that a point moves between two samples
 PENETRATION = 1e-3  # m
 END_TOLERANCE = 1e-6  # m, and of the quaternion
-# RAI's, with which it was fastest while its paths verified; docs/benchmarks.md lists what was tried
+# RAI's, with which it was fastest while its paths verified; docs/waypoints.md lists what was tried
 STEP = {"planar": 0.2, "spatial": 0.1}  # m, rad and quaternion components alike
 SUBSAMPLES = {"planar": 16, "spatial": 8}  # of a step that are checked
 MAX_ITERATIONS = 50_000

@@ -35,6 +35,7 @@ OPENING = 0.04  # m, of grippers
 DRAWS = 400  # postures drawn before an attempt is given up
 BOXES = 80  # drawn; those too near to the arms are left out
 WARM_UP_SEED = 10**6
+HEADROOM = 1.15  # of the drawn axes
 
 
 def instance(seed: int, steps: int, obstacles: int, arms: tuple[str, ...]) -> MotionInstance:
@@ -108,38 +109,39 @@ def run(instances: int = INSTANCES, progress: Callable[[str], None] = lambda tex
         the number of instances with a feasible result, one each per value; and ``instances``, how many there were.
     """
     standard = {"steps": STANDARD_STEPS, "obstacles": STANDARD_OBSTACLES, "arms": STANDARD_ARMS}
+    axes = {"steps": ("steps", STEPS), "obstacles": ("obstacles", OBSTACLES), "joints": ("arms", ARMS)}
+    settings = {(axis, v): {**standard, key: v} for axis, (key, values) in axes.items() for v in values}
+    results: dict = {name: [] for name in settings}
+    for seed in (WARM_UP_SEED, *range(instances)):
+        progress(f"seed {seed}" if seed != WARM_UP_SEED else "warming up")
+        for (
+            name,
+            setting,
+        ) in settings.items():  # all settings in turn, so that other work on the machine hits them alike
+            results[name].append(_measure(seed, setting))
     data: dict = {"instances": instances}
-    for axis, key, settings in (
-        ("steps", "steps", STEPS),
-        ("obstacles", "obstacles", OBSTACLES),
-        ("joints", "arms", ARMS),
-    ):
-        rows = []
-        for value in settings:
-            progress(f"{key} {value}")
-            rows.append(_measure(instances, {**standard, key: value}))
-        sizes = [sum(len(load_robot_model(name).home) for name in arms) for arms in ARMS]
+    for axis, (key, values) in axes.items():
+        rows = [np.array(results[axis, v][1:]) for v in values]
         data[axis] = {
-            "values": sizes if key == "arms" else list(settings),
-            "labels": [" + ".join(v) if key == "arms" else str(v) for v in settings],
-            "median_ms": [row[0] for row in rows],
-            "claimed": [row[1] for row in rows],
+            "values": [_joints(v) for v in values] if key == "arms" else list(values),
+            "labels": [" + ".join(v) if key == "arms" else str(v) for v in values],
+            "median_ms": [float(np.median(row[:, 0])) for row in rows],
+            "claimed": [int(row[:, 1].sum()) for row in rows],
         }
     return data
 
 
-def _measure(instances: int, settings: dict) -> tuple[float, int]:
-    """Median processor time in ms over the instances, and how many results are feasible."""
-    times, claimed = [], 0
-    for seed in (WARM_UP_SEED, *range(instances)):
-        problem = instance(seed, **settings)
-        prepared = hmap_side.prepare(problem)
-        before = time.process_time()
-        answer = hmap_side.solve(problem, prepared)
-        if seed != WARM_UP_SEED:
-            times.append((time.process_time() - before) * 1e3)
-            claimed += answer.claimed
-    return float(np.median(times)), claimed
+def _joints(arms: tuple[str, ...]) -> int:
+    return sum(len(load_robot_model(name).home) for name in arms)
+
+
+def _measure(seed: int, setting: dict) -> tuple[float, bool]:
+    """Processor time in ms of one instance, and whether its result is feasible."""
+    problem = instance(seed, **setting)
+    prepared = hmap_side.prepare(problem)
+    before = time.process_time()
+    answer = hmap_side.solve(problem, prepared)
+    return (time.process_time() - before) * 1e3, answer.claimed
 
 
 def linear_fit(data: dict) -> tuple[float, float]:
@@ -161,7 +163,7 @@ def draw(data: dict, file: Path) -> None:
         panel.plot(part["values"], part["median_ms"], "o", color="tab:blue")
         panel.set(xlabel=axis, ylabel="processor time, ms (median)")
         panel.set_xlim(left=0)
-        panel.set_ylim(bottom=0)
+        panel.set_ylim(0.0, HEADROOM * max(part["median_ms"]))
         panel.grid(alpha=0.3)
     slope, offset = linear_fit(data)
     ends = np.array([0, max(data["steps"]["values"])])
@@ -169,6 +171,6 @@ def draw(data: dict, file: Path) -> None:
     panels[0].legend()
     joints = data["joints"]
     for x, y, label in zip(joints["values"], joints["median_ms"], joints["labels"], strict=True):
-        panels[2].annotate(label, (x, y), xytext=(5, 5), textcoords="offset points", fontsize=7)
+        panels[2].annotate(label, (x, y), xytext=(-5, 5), textcoords="offset points", fontsize=7, ha="right")
     figure.savefig(file, dpi=150)
     pyplot.close(figure)
