@@ -124,8 +124,8 @@ def search_bounds(problem: ObjectPathProblem, checker: ObjectChecker) -> np.ndar
 def _corners(problem, checkers, rng, deadline) -> tuple[ObjectChecker, np.ndarray] | None:
     """A free path (n, 7) and the checker that allows it, the wider margin first.
 
-    Straight, else by two trees that grow for a moment, else by the small roadmap; then by trees from the exits of start
-    and goal, with growing budgets.
+    Straight, else in the plane by two trees that grow for a moment, else by the small roadmap; then by trees from the
+    exits of start and goal, with growing budgets.
     """
     bounds = search_bounds(problem, checkers[0])
     start = np.asarray(problem.start, float)
@@ -152,7 +152,9 @@ def _first_tries(checker, start, goal, bounds, rng, deadline) -> np.ndarray | No
     """What is fast where it works; poses (n, 7) or None."""
     if checker.motion_free(start, goal):
         return np.array([start, goal])
-    path = rrt_path(checker, [start], [goal], bounds, rng, deadline, rounds=ROUNDS[:1])
+    path = None
+    if checker.planar:  # in space the trees go round what the roadmap lifts the body over
+        path = rrt_path(checker, [start], [goal], bounds, rng, deadline, rounds=ROUNDS[:1])
     return direct_path(checker, start, goal, bounds) if path is None else path
 
 
