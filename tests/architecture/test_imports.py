@@ -31,7 +31,7 @@ LAYERS = (
     {"komo", "validation"},
     {"waypoints", "contacts", "execution"},
     {"planner"},
-    {"viz"},
+    {"benchmark", "viz"},
     {"precompile"},
     {"cli"},
     {"__main__"},

@@ -12,7 +12,7 @@ from types import ModuleType
 from hmap_core.exceptions import HmapError, InputError
 
 ENTRY_POINTS = "hmap.commands"  # group in which other packages name modules with HELP, add_arguments and run
-BUILT_IN = {name: f"hmap_core.cli.{name}" for name in ("tasks", "plan", "check", "execute")}
+BUILT_IN = {name: f"hmap_core.cli.{name}" for name in ("tasks", "plan", "check", "execute", "bench")}
 YES, NO, BAD_INPUT = 0, 1, 2  # exit codes
 
 

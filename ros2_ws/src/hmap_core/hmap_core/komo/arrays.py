@@ -6,9 +6,7 @@ from collections import namedtuple
 # offset (M,) into params (N,); target (M, MAX_DIM); order (M,) of the difference over steps; band
 # (M, MAX_DIM): by how much a component of type BAND may miss its target;
 # by_sample (S+1,): rows of sample s are by_sample[s]:by_sample[s+1]; tau: seconds per step.
-Terms = namedtuple(
-    "Terms", "kernel type step dim scale frames offset params target order band by_sample tau"
-)
+Terms = namedtuple("Terms", "kernel type step dim scale frames offset params target order band by_sample tau")
 # Samples: where constraints are looked at. first (T+1,): samples of the interval that ends at step t are
 # first[t]:first[t+1], the last of them the step itself; alpha (S,): where in the interval; mask (S,): bits of phases
 # whose pairs count.

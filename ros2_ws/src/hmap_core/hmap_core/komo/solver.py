@@ -430,8 +430,8 @@ def _assemble(X, prefix, chain, mult, model, step, A, b):
 def _model_step(X, prefix, chain, mult, model, damping, bandwidth, A, b, gradient, step):
     """The step (T n,) that minimises the model, and the gradient at X.
 
-    The model is quadratic but for the inequalities, which are felt or not; which ones is asked of the step itself, until
-    that does not change (a semi-smooth Newton method [4]). So a step does not run into what it did not feel before.
+    The model is quadratic but for the inequalities, which are felt or not; which ones is asked of the step itself,
+    until that does not change (a semi-smooth Newton method [4]): a step does not run into what it did not feel before.
 
     [4] Hintermueller, Ito, Kunisch, The primal-dual active set strategy as a semismooth Newton method, 2002.
 
@@ -658,7 +658,7 @@ def follow(q, chain, terms, params, cols, samples, o, max_jump):
 
 @nb.njit(**OPTIONS)
 def linearise(X, prefix, chain, terms, cols, samples):
-    """Values (M, MAX_DIM) of all terms less their targets; their Jacobians (M, MAX_DIM, 3 n) by x_t, x_(t-1), x_(t-2)."""
+    """Values (M, MAX_DIM) of all terms less targets, and their Jacobians (M, MAX_DIM, 3 n) by x_t, x_(t-1), x_(t-2)."""
     T, n = X.shape
     M = terms.kernel.shape[0]
     s = new_scratch(T, n, chain, terms, cols, samples, prefix)

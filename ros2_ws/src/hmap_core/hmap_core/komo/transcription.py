@@ -89,7 +89,7 @@ class KomoResult:
 
 @dataclass(frozen=True)
 class Linearisation:
-    """Objectives at a path: values (M,) less targets, unscaled; jacobian (M, T n); rows: (objective, step, component)."""
+    """Objectives at a path: values (M,) less targets, unscaled; jacobian (M, T n); rows: objective, step, component."""
 
     values: np.ndarray
     jacobian: np.ndarray
@@ -437,7 +437,10 @@ class KomoProblem:
             return straight
         masks = self.masks()[steps.start : steps.stop]
         bumps = np.tile(BUMPS, BRIDGES)[:, None] * rng.normal(size=(BRIDGES * len(BUMPS), len(a)))
-        ways = [straight, *(np.clip(straight + np.sin(np.pi * line) * bump, self.chain.lower, self.chain.upper) for bump in bumps)]
+        ways = [
+            straight,
+            *(np.clip(straight + np.sin(np.pi * line) * bump, self.chain.lower, self.chain.upper) for bump in bumps),
+        ]
         return min(ways, key=lambda way: penetration(way, masks, self.chain, cols))
 
     def _phase_end(

@@ -1,0 +1,93 @@
+"""Our side: a motion instance as a skeleton of hmap, written and solved as a user would."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from hmap_core.benchmark.instances import Answer, MotionInstance
+from hmap_core.collision.convex import ConvexSet, from_hulls, hull_vertices
+from hmap_core.komo.skeleton import Skeleton, SkeletonEntry, Symbol
+from hmap_core.komo.skeleton_problem import SkeletonProblem
+from hmap_core.komo.transcription import IK_OPTIONS, solve_ik_batch
+from hmap_core.komo.workspace import Workspace
+from hmap_core.transforms import apply, inverse, multiply
+from hmap_core.types import Body
+
+
+def prepare(instance: MotionInstance) -> Workspace:
+    """The part that is outside of the clock: what does not change between two queries in a scene."""
+    state = replace(instance.scene.start_state(), gripper=dict(instance.opening))
+    shapes = {}
+    if instance.rounding > 0.0:
+        shapes = {name: rounded(body, instance.rounding) for name, body in instance.scene.bodies.items()}
+    workspace = Workspace(instance.scene, state, shapes=shapes)
+    _problem(instance, workspace)  # the arms among the bodies that stand are packed once
+    return workspace
+
+
+def rounded(body: Body, radius: float) -> ConvexSet:
+    """The boxes of a body with edges rounded by a radius (m): the corners moved in, and swept by a ball."""
+    inset = []
+    for shape, (vertices, _) in zip(body.shapes, map(hull_vertices, body.shapes), strict=True):
+        corners = apply(inverse(shape.pose), vertices)
+        inset.append((apply(shape.pose, corners - radius * np.sign(corners)), radius))
+    return from_hulls(inset)
+
+
+def skeleton(instance: MotionInstance) -> Skeleton:
+    """Contacts, modes and targets of an instance."""
+    entries = []
+    for ride in instance.rides:
+        hand = ride.robot, ride.object
+        entries += [
+            SkeletonEntry(ride.first, ride.first, Symbol.TOUCH, hand, ride.T_obj_ee),
+            SkeletonEntry(ride.first, -1, Symbol.STABLE, hand),
+        ]
+        if ride.support is not None:
+            entries.append(SkeletonEntry(ride.first, -1, Symbol.ABOVE, (ride.object, ride.support)))
+    for target in instance.targets:
+        time = target.phase + 1.0 - target.before / instance.steps_per_phase[target.phase]
+        entries += [_target(instance, target, time)]
+    return Skeleton([entry for entry in entries if entry is not None])
+
+
+def _target(instance: MotionInstance, target, time: float) -> SkeletonEntry | None:
+    """What a target asks: of the hand, of what rides on it, or, where hand and object meet, nothing more."""
+    for ride in instance.rides:
+        if ride.robot == target.robot and time == ride.first:
+            return None
+        if ride.robot == target.robot and time > ride.first:
+            goal = multiply(target.T_world_ee, inverse(ride.T_obj_ee))
+            return SkeletonEntry(time, time, Symbol.POSE_EQ, (ride.object,), goal)
+    for robot, body in instance.touching:
+        if robot == target.robot and not instance.rides:
+            contact = multiply(inverse(instance.scene.bodies[body].pose), target.T_world_ee)
+            return SkeletonEntry(time, time, Symbol.TOUCH, (robot, body), contact)
+    return SkeletonEntry(time, time, Symbol.POSE_EQ, (target.robot,), target.T_world_ee)
+
+
+def _problem(instance: MotionInstance, workspace: Workspace) -> SkeletonProblem:
+    options = None if instance.path else IK_OPTIONS
+    return SkeletonProblem(skeleton(instance), workspace, instance.steps_per_phase, options)
+
+
+def solve(instance: MotionInstance, workspace: Workspace) -> Answer:
+    """The part inside of the clock: the problem from its skeleton, and its solution."""
+    problem = _problem(instance, workspace)
+    rng = np.random.default_rng(instance.seed)
+    if not instance.path:
+        return _posture(instance, problem, rng)
+    result = problem.solve(workspace.start, restarts=instance.restarts, rng=rng)
+    return Answer(result.feasible, np.concatenate([workspace.start[None], result.path]))
+
+
+def _posture(instance: MotionInstance, problem: SkeletonProblem, rng: np.random.Generator) -> Answer:
+    """From the start, then from random configurations, until one is found."""
+    chain, q = problem.chain, instance.start
+    params = np.concatenate([o.feature.params for o in problem.objectives])[None]
+    for start in (q, *rng.uniform(chain.lower, chain.upper, (instance.restarts, len(q)))):
+        found, ok = solve_ik_batch(problem, params, start[None], start[None])
+        q = found[0]
+        if ok[0]:
+            break
+    return Answer(bool(ok[0]), np.array([instance.start, q]))

@@ -1,0 +1,94 @@
+"""Both sides on the same instances, one after the other, in processor time of one thread."""
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hmap_core.benchmark.registry import Problem, Side
+
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+WARM_UP_SEED = 10**6  # of an instance that is solved before the clock runs: imports, caches
+HIGH = 0.9  # the quantile that is reported beside the median
+
+
+@dataclass
+class Tally:
+    """What one side did.
+
+    Attributes:
+        milliseconds: processor time of each instance.
+        verified: claims that the judge confirms.
+        false_accepts: claims that it does not, as (seed, what is wrong).
+    """
+
+    milliseconds: list[float] = field(default_factory=list)
+    verified: int = 0
+    false_accepts: list[tuple[int, list[str]]] = field(default_factory=list)
+
+    @property
+    def median(self) -> float:
+        return float(np.median(self.milliseconds))
+
+    def to_dict(self) -> dict:
+        return {
+            "median_ms": self.median,
+            "p90_ms": float(np.quantile(self.milliseconds, HIGH)),
+            "verified": self.verified,
+            "false_accepts": len(self.false_accepts),
+        }
+
+
+@dataclass
+class Result:
+    """Both tallies of a problem over n instances."""
+
+    n: int
+    hmap: Tally = field(default_factory=Tally)
+    rai: Tally = field(default_factory=Tally)
+
+    @property
+    def ratio(self) -> float:
+        """How many times the median of RAI is ours."""
+        return self.rai.median / self.hmap.median
+
+    def to_dict(self) -> dict:
+        return {"n": self.n, "hmap": self.hmap.to_dict(), "rai": self.rai.to_dict(), "ratio": self.ratio}
+
+
+def one_thread() -> None:
+    """Numerical libraries that are loaded from now on use one thread."""
+    for name in THREADS:
+        os.environ[name] = "1"
+
+
+def run(problem: Problem, n: int, progress: Callable[[int], None] = lambda k: None) -> Result:
+    """Instances 0 .. n - 1 of a problem by both sides."""
+    result = Result(n)
+    sides = ((problem.hmap, result.hmap), (problem.rai, result.rai))
+    warm = problem.instance(WARM_UP_SEED)
+    for side, _ in sides:
+        side.solve(warm, side.prepare(warm))
+    for seed in range(n):
+        instance = problem.instance(seed)
+        for side, tally in sides:
+            solve(problem, side, tally, instance, seed)
+        progress(seed + 1)
+    return result
+
+
+def solve(problem: Problem, side: Side, tally: Tally, instance, seed: int) -> None:
+    """One instance by one side, measured and judged."""
+    prepared = side.prepare(instance)
+    before = time.process_time()
+    answer = side.solve(instance, prepared)
+    tally.milliseconds.append((time.process_time() - before) * 1e3)
+    if not answer.claimed:
+        return
+    wrong = problem.judge(instance, answer.path)
+    if wrong:
+        tally.false_accepts.append((seed, wrong))
+    else:
+        tally.verified += 1

@@ -1,0 +1,184 @@
+"""RAI's side: the same instance as a KOMO problem of ``robotic``, with RAI's own model of the Panda.
+
+The settings are the ones with which RAI verified most instances; ``docs/benchmarks.md`` lists what was tried.
+"""
+
+import os
+from dataclasses import dataclass
+from types import ModuleType
+
+import numpy as np
+
+from hmap_core.benchmark.instances import Answer, MotionInstance, Ride
+from hmap_core.exceptions import InputError
+from hmap_core.transforms import inverse
+from hmap_core.types import Body, Robot, ShapeKind
+
+# Scales of the objectives. RAI calls a result feasible when its scaled errors add up to less than 0.1.
+TARGET_SCALE = 1e2
+COLLISION_SCALE = 1e1
+SUPPORT_SCALE = 1e1
+LIMIT_SCALE = 1e0
+CONTROL_SCALE = 1e-1
+HOMING_SCALE = 1e-1
+OPTIONS = {"stopTolerance": 1e-3, "damping": 1e-1}  # of NLP_Solver
+KEYFRAME_RESTARTS = 8
+ROUNDING = 0.005  # m, least radius of RAI's boxes: the depth of an overlap is never more than their radii
+LOWERED = 5e-4  # m by which standing bodies are lowered, so that to RAI what stands on them does not collide
+FINGER = np.array([0.0, 0.008, 0.0438])  # m, RAI's finger boxes: 1.2 mm further up, so that they end with the real ones
+
+
+def robotic() -> ModuleType:
+    """RAI's Python module.
+
+    Raises:
+        InputError: it is not installed, or lacks a system library.
+    """
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    try:
+        import robotic
+    except ImportError as error:
+        raise InputError(
+            f"RAI is needed to compare with: pip install 'hmap_core[bench]' (robotic 0.4.2), and the system's "
+            f"liblapack3 ({error})"
+        ) from error
+    return robotic
+
+
+@dataclass
+class Prepared:
+    """A Config with the robots, the bodies, the frames of the targets and those that objects are to hang on."""
+
+    config: object
+
+
+def prepare(instance: MotionInstance) -> Prepared:
+    """The part that is outside of the clock.
+
+    Raises:
+        InputError: ``robotic`` is missing, or a robot is no Panda, of which alone RAI's model is used.
+    """
+    ry = robotic()
+    C = ry.Config()
+    C.addFrame("world")
+    for name, robot in instance.scene.robots.items():
+        _add_panda(ry, C, name, robot, instance.opening[name])
+    carried = {ride.object for ride in instance.rides}
+    for body in instance.scene.bodies.values():
+        _add_body(ry, C, body, max(instance.rounding, ROUNDING), body.name in carried)
+    for k, target in enumerate(instance.targets):
+        C.addFrame(f"target_{k}", "world").setRelativePose(wxyz(target.T_world_ee))
+    for ride in instance.rides:
+        C.addFrame(f"held_{ride.object}", f"{ride.robot}_ee").setRelativePose(wxyz(inverse(ride.T_obj_ee)))
+    C.setJointState(instance.start)
+    return Prepared(C)
+
+
+def wxyz(pose: np.ndarray) -> list[float]:
+    """A pose (7,) with the quaternion's w first, as RAI has it."""
+    return [*pose[:3], pose[6], *pose[3:6]]
+
+
+def _add_panda(ry: ModuleType, C, name: str, robot: Robot, opening: float) -> None:
+    """RAI's Panda with our joint limits, base, opening and end-effector frame."""
+    if robot.model.name != "panda":
+        raise InputError(f"robot '{name}': model '{robot.model.name}' has no counterpart in RAI; allowed: panda")
+    C.addFile(ry.raiPath("panda/panda.g"), f"{name}_").setParent(C.getFrame("world"))
+    C.getFrame(f"{name}_panda_base").setRelativePose(wxyz(robot.base_pose))
+    for k, limits in enumerate(robot.model.position_limits.T):
+        C.getFrame(f"{name}_panda_joint{k + 1}").setJoint(ry.JT.hingeZ, limits=list(limits))
+    C.getFrame(f"{name}_panda_finger_joint1").setJointState([opening * robot.model.gripper.per_joint])
+    for finger, side in (("finger1", 1.0), ("finger2", -1.0)):
+        C.getFrame(f"{name}_{finger}").setRelativePosition(FINGER * [1.0, side, 1.0])
+    C.addFrame(f"{name}_ee", f"{name}_panda_hand_joint").setRelativePose(wxyz(robot.model.T_link_ee))
+
+
+def _add_body(ry: ModuleType, C, body: Body, rounding: float, carried: bool) -> None:
+    lowered = 0.0 if carried else LOWERED
+    frame = C.addFrame(body.name, "world")
+    frame.setRelativePose(wxyz(body.pose - np.array([0, 0, lowered, 0, 0, 0, 0])))
+    if carried:  # a link of its own, which can be hung on another
+        frame.setJoint(ry.JT.rigid)
+    for k, shape in enumerate(body.shapes):
+        part = C.addFrame(f"{body.name}_{k}", body.name).setRelativePose(wxyz(shape.pose))
+        if shape.kind == ShapeKind.BOX:
+            part.setShape(ry.ST.ssBox, [*shape.size, rounding])
+        elif shape.kind == ShapeKind.CYLINDER:
+            part.setShape(ry.ST.ssCylinder, [shape.size[1], shape.size[0], rounding])
+        else:
+            raise InputError(f"body '{body.name}': a {shape.kind} is not compared; allowed: box, cylinder")
+        part.setContact(1)
+
+
+def solve(instance: MotionInstance, prepared: Prepared) -> Answer:
+    """The part inside of the clock: building KOMO, and solving it."""
+    ry = robotic()
+    rng = np.random.default_rng(instance.seed)
+    if not instance.path:
+        q, ok = _keyframes(ry, instance, prepared, rng, instance.restarts)
+        return Answer(ok, np.concatenate([instance.start[None], q]))
+    path = None
+    for _ in range(1 + instance.restarts):
+        keyframes, _ = _keyframes(ry, instance, prepared, rng, KEYFRAME_RESTARTS)
+        komo = _komo(ry, instance, prepared, instance.steps_per_phase[0], 2)
+        komo.addControlObjective([], 2, CONTROL_SCALE)
+        komo.initWithPath(_straight(instance, keyframes))
+        ok, q = _solved(ry, komo)
+        path = np.concatenate([instance.start[None], q])
+        if ok:
+            return Answer(True, path)
+    return Answer(False, path)
+
+
+def _komo(ry: ModuleType, instance: MotionInstance, prepared: Prepared, steps: int, order: int):
+    """The objectives that path and way-points share."""
+    phases = len(instance.steps_per_phase)
+    komo = ry.KOMO(prepared.config, phases, steps, order, True)
+    komo.addObjective([], ry.FS.accumulatedCollisions, [], ry.OT.eq, [COLLISION_SCALE])
+    komo.addObjective([], ry.FS.jointLimits, [], ry.OT.ineq, [LIMIT_SCALE])
+    for ride in instance.rides:
+        komo.addRigidSwitch(ride.first, [f"held_{ride.object}", ride.object], False)
+        if ride.support is not None:
+            _add_support(ry, komo, instance, ride)
+    for k, target in enumerate(instance.targets):
+        frames = [f"{target.robot}_ee", f"target_{k}"]
+        if steps > 1 or target.before == 0:
+            time = target.phase + 1.0 - target.before / steps
+            komo.addObjective([time], ry.FS.poseDiff, frames, ry.OT.eq, [TARGET_SCALE])
+    return komo
+
+
+def _add_support(ry: ModuleType, komo, instance: MotionInstance, ride: Ride) -> None:
+    times = [float(ride.first), float(len(instance.steps_per_phase))]
+    height = instance.scene.bodies[ride.object].pose[2]
+    z = np.array([[0.0, 0.0, SUPPORT_SCALE]])
+    komo.addObjective(times, ry.FS.position, [ride.object], ry.OT.eq, z, [0.0, 0.0, height])
+    komo.addObjective(times, ry.FS.vectorZ, [ride.object], ry.OT.eq, [SUPPORT_SCALE], [0.0, 0.0, 1.0])
+
+
+def _solved(ry: ModuleType, komo) -> tuple[bool, np.ndarray]:
+    solver = ry.NLP_Solver(komo.nlp(), verbose=0)
+    solver.setOptions(verbose=0, **OPTIONS)
+    return solver.solve().feasible, komo.getPath()
+
+
+def _keyframes(ry: ModuleType, instance: MotionInstance, prepared: Prepared, rng, restarts: int):
+    """Postures (phases, n) of the phase ends, from the start, then from random ones; whether they are feasible."""
+    komo = _komo(ry, instance, prepared, 1, 1 if len(instance.steps_per_phase) > 1 else 0)
+    komo.addControlObjective([], 0, HOMING_SCALE)
+    low, high = np.concatenate([r.model.position_limits for r in instance.scene.robots.values()], axis=1)
+    for start in (instance.start, *rng.uniform(low, high, (restarts, len(low)))):
+        komo.initWithConstant(start)
+        ok, q = _solved(ry, komo)
+        if ok:
+            break
+    return q, ok
+
+
+def _straight(instance: MotionInstance, keyframes: np.ndarray) -> np.ndarray:
+    """A path (T, n) straight from the start through the keyframes (phases, n)."""
+    rows, before = [], instance.start
+    for steps, q in zip(instance.steps_per_phase, keyframes, strict=True):
+        rows.append(before + np.arange(1, steps + 1)[:, None] / steps * (q - before))
+        before = q
+    return np.concatenate(rows)

@@ -1,0 +1,78 @@
+"""The problems by name. A new one is an entry here: seeded instances, who solves them, and who judges."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hmap_core.benchmark import hmap_side, rai_side, rrt
+from hmap_core.benchmark.instances import Answer
+from hmap_core.benchmark.judge import judge
+from hmap_core.benchmark.problems import contact_ik, object_path, pick_place, push_step, two_arm
+from hmap_core.exceptions import InputError
+
+
+@dataclass(frozen=True)
+class Side:
+    """One of the two that are compared.
+
+    Attributes:
+        prepare: (instance) -> whatever ``solve`` wants; outside of the clock.
+        solve: (instance, prepared) -> Answer; inside of it.
+    """
+
+    prepare: Callable[[Any], Any]
+    solve: Callable[[Any, Any], Answer]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A problem of the benchmark.
+
+    Attributes:
+        instance: seed -> instance.
+        hmap, rai: the two sides.
+        judge: (instance, path) -> what is wrong with the path, in words.
+    """
+
+    instance: Callable[[int], Any]
+    hmap: Side
+    rai: Side
+    judge: Callable[[Any, np.ndarray], list[str]]
+
+
+def motion(instance: Callable[[int], Any]) -> Problem:
+    """A problem whose instances are motion instances."""
+    ours, theirs = Side(hmap_side.prepare, hmap_side.solve), Side(rai_side.prepare, rai_side.solve)
+    return Problem(instance, ours, theirs, judge)
+
+
+def object_path_problem(instance: Callable[[int], Any]) -> Problem:
+    """A problem whose instances are ways of an object alone."""
+    ours, theirs = Side(rrt.prepare_hmap, rrt.solve_hmap), Side(rrt.prepare_rai, rrt.solve_rai)
+    return Problem(instance, ours, theirs, rrt.judge)
+
+
+PROBLEMS: dict[str, Problem] = {
+    "contact_ik": motion(contact_ik.contact_ik),
+    "contact_ik_surface": motion(contact_ik.contact_ik_surface),
+    "push_step": motion(push_step.push_step),
+    "pick_place": motion(pick_place.pick_place),
+    "pick_place_rounded": motion(pick_place.pick_place_rounded),
+    "two_arm": motion(two_arm.two_arm),
+    "rrt_se2": object_path_problem(object_path.se2),
+    "rrt_se3": object_path_problem(object_path.se3),
+}
+
+
+def find(names: list[str]) -> dict[str, Problem]:
+    """The problems of these names; all, when none is given.
+
+    Raises:
+        InputError: there is no such problem.
+    """
+    for name in names:
+        if name not in PROBLEMS:
+            raise InputError(f"problem '{name}' is not known; allowed: {', '.join(PROBLEMS)}")
+    return {name: PROBLEMS[name] for name in names or PROBLEMS}

@@ -1,0 +1,57 @@
+"""The results as a table, as JSON, and as a picture."""
+
+from pathlib import Path
+
+from hmap_core.benchmark.measure import Result, Tally
+
+COLUMNS = ("median", "p90", "verified", "false")
+
+
+def to_dict(results: dict[str, Result]) -> dict:
+    """The document that ``hmap bench komo --json`` writes; times in milliseconds of processor time."""
+    return {"problems": {name: result.to_dict() for name, result in results.items()}}
+
+
+def heading() -> list[str]:
+    """The first lines of the table."""
+    side = "".join(f"{column:>9}" for column in COLUMNS)
+    return [
+        f"{'':<20}{'':>4}  {'hmap':>20}{'':16}  {'RAI':>20}",
+        f"{'problem':<20}{'n':>4}  {side}  {side}{'ratio':>8}",
+    ]
+
+
+def row(name: str, result: Result) -> str:
+    """One line of the table: times in ms, counts, and how many times the median of RAI is ours."""
+    return f"{name:<20}{result.n:>4}  {_cells(result.hmap)}  {_cells(result.rai)}{result.ratio:>8.1f}"
+
+
+def _cells(tally: Tally) -> str:
+    values = tally.to_dict()
+    times = "".join(f"{values[key]:>9.2f}" for key in ("median_ms", "p90_ms"))
+    return times + "".join(f"{values[key]:>9}" for key in ("verified", "false_accepts"))
+
+
+def plot(results: dict[str, Result], file: Path) -> None:
+    """Draws all times, problem by problem, on a logarithmic axis."""
+    import matplotlib
+
+    matplotlib.use("agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(9.0, 1.0 + 0.6 * len(results)), layout="constrained")
+    for k, (side, color) in enumerate((("hmap", "tab:blue"), ("rai", "tab:orange"))):
+        times = [getattr(result, side).milliseconds for result in results.values()]
+        places = [i + 0.4 * k for i in range(len(results))]
+        axes.boxplot(
+            times, positions=places, orientation="horizontal", widths=0.3, whis=(10, 90), showfliers=False,
+            patch_artist=True, boxprops={"facecolor": color}, medianprops={"color": "black"},
+            label={"hmap": "hmap", "rai": "RAI (robotic 0.4.2)"}[side],
+        )  # fmt: skip
+    axes.set(xscale="log", xlabel="processor time, ms (box: quartiles, whiskers: 10 and 90 %)")
+    axes.set_yticks([i + 0.2 for i in range(len(results))], list(results))
+    axes.invert_yaxis()
+    axes.grid(axis="x", alpha=0.3)
+    axes.legend()
+    figure.savefig(file, dpi=150)
+    pyplot.close(figure)

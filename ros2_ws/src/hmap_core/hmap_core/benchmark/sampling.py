@@ -1,0 +1,118 @@
+"""Random postures, bodies and contacts for instances, found with the judge's kinematics and geometry only.
+
+No solver that is compared has a hand in choosing the instances: what makes an instance feasible is a posture that this
+module finds by damped least squares from many random starts (Wampler 1986) and that the judge finds free.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hmap_core.benchmark.world import clearance, robot_data
+from hmap_core.contacts.surface import sample_surface
+from hmap_core.kinematics.arm import load_arm
+from hmap_core.transforms import from_matrix, multiply, pose
+from hmap_core.types import Body, Robot, Scene
+from hmap_core.validation import arm, rigid
+
+LIMIT_SHARE = 0.05  # of the joint range, at either end, in which no posture is drawn
+IK_STARTS = 64
+IK_ITERATIONS = 60
+IK_DAMPING = 1e-3
+IK_MAX_STEP = 0.4  # rad, of one joint in one iteration
+IK_TOLERANCE = 1e-6  # m and rad
+CONTACT_GAP = 0.0003  # m between a touching fingertip and the surface
+
+
+def random_posture(robot: Robot, rng: np.random.Generator) -> np.ndarray:
+    """A configuration (n,), uniform within the limits but for their outermost parts."""
+    lower, upper = robot.model.position_limits
+    edge = LIMIT_SHARE * (upper - lower)
+    return rng.uniform(lower + edge, upper - edge)
+
+
+def end_effector(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """T_world_ee (7,) at q (n,)."""
+    R, p = _frames(arm.build(robot_data(robot)), np.atleast_2d(q))[1:]
+    return from_matrix(np.block([[R[0], p[0][:, None]], [np.zeros((1, 3)), np.ones((1, 1))]]))
+
+
+def _frames(build: arm.Arm, Q: np.ndarray):
+    frames = build.frames(build.values(Q, np.zeros(len(Q))))
+    return frames, *build.end_effector(frames)
+
+
+def postures_at(robot: Robot, T_world_ee: np.ndarray, rng: np.random.Generator, near: np.ndarray | None = None):
+    """Configurations (K, n) within the limits that bring the end-effector to T_world_ee (7,); K may be 0.
+
+    Args:
+        near: (n,) one of the starts, and the one that the answers are sorted by, nearest first; by default the home.
+    """
+    build = arm.build(robot_data(robot))
+    near = robot.model.home if near is None else near
+    Q = np.array([near, *(random_posture(robot, rng) for _ in range(IK_STARTS - 1))])
+    lower, upper = robot.model.position_limits
+    target_R, target_p = rigid.matrices(T_world_ee[3:]), T_world_ee[:3]
+    joints = [build.tree.joint_to(j.child) for j in build.moving(build.data.end_effector_link)]
+    for _ in range(IK_ITERATIONS):
+        frames, R, p = _frames(build, Q)
+        E = np.swapaxes(R, 1, 2) @ target_R
+        turn = 0.5 * np.stack([E[:, 2, 1] - E[:, 1, 2], E[:, 0, 2] - E[:, 2, 0], E[:, 1, 0] - E[:, 0, 1]], axis=1)
+        error = np.concatenate([target_p - p, (R @ turn[..., None])[..., 0]], axis=1)
+        J = np.empty((len(Q), 6, len(joints)))
+        for k, joint in enumerate(joints):
+            axis = frames[joint.child][0] @ joint.axis
+            J[:, :3, k] = np.cross(axis, p - frames[joint.child][1])
+            J[:, 3:, k] = axis
+        A = J @ np.swapaxes(J, 1, 2) + IK_DAMPING**2 * np.eye(6)
+        step = (np.swapaxes(J, 1, 2) @ np.linalg.solve(A, error[..., None]))[..., 0]
+        Q = np.clip(Q + np.clip(step, -IK_MAX_STEP, IK_MAX_STEP), lower, upper)
+    _, R, p = _frames(build, Q)
+    off, turned = rigid.deviation(R, p, target_R, target_p)
+    Q = Q[(off < IK_TOLERANCE) & (turned < IK_TOLERANCE)]
+    return Q[np.argsort(np.abs(Q - near).max(axis=1), kind="stable")]
+
+
+def free_posture_at(
+    scene: Scene,
+    opening: Mapping[str, float],
+    name: str,
+    T_world_ee,
+    rng,
+    margin: float,
+    near: np.ndarray | None = None,
+) -> np.ndarray | None:
+    """A configuration (n,) of one robot, with everything ``margin`` (m) apart, the other robots where they stand."""
+    for q in postures_at(scene.robots[name], T_world_ee, rng, near):
+        stand = {other: robot.q for other, robot in scene.robots.items()} | {name: q}
+        if clearance(scene, opening, stand, margin) >= margin:
+            return q
+    return None
+
+
+def contact_pose(robot: Robot, point: np.ndarray, normal: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """T_obj_ee (7,) with closed fingers that touch a surface at a point (3,), and hand axes R (3, 3), object frame."""
+    tips = load_arm(robot.model).finger_vertices(0.0) @ R.T
+    origin = point + (CONTACT_GAP - (tips @ normal).min()) * normal
+    return from_matrix(np.block([[R, origin[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]]))
+
+
+def hand_axes(z: np.ndarray, roll: float) -> np.ndarray:
+    """Rotation (3, 3) whose third column is the unit vector z (3,), turned about it by ``roll`` (rad)."""
+    other = np.eye(3)[np.abs(z).argmin()]
+    x = np.cross(other, z)
+    x /= np.linalg.norm(x)
+    y = np.cross(z, x)
+    return np.stack([np.cos(roll) * x + np.sin(roll) * y, -np.sin(roll) * x + np.cos(roll) * y, z], axis=1)
+
+
+def surface_contact(robot: Robot, body: Body, rng: np.random.Generator) -> np.ndarray:
+    """T_obj_ee (7,) at a random point of a body's surface, the hand along the inward normal, its roll random."""
+    points, normals = sample_surface(body.shapes, 1, rng)
+    R = hand_axes(-normals[0], rng.uniform(-np.pi, np.pi))
+    return contact_pose(robot, points[0], normals[0], R)
+
+
+def drawn_back(T_obj_ee: np.ndarray, distance: float) -> np.ndarray:
+    """A contact (7,) with the hand moved back along its z axis by a distance (m)."""
+    return multiply(T_obj_ee, pose((0.0, 0.0, -distance)))

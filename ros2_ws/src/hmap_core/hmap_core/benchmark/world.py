@@ -1,0 +1,119 @@
+"""The world of a motion instance as the judge sees it: its own URDF reader, exact shapes, distances by coal."""
+
+from collections.abc import Mapping
+
+import coal
+import numpy as np
+
+from hmap_core.benchmark.instances import MotionInstance
+from hmap_core.types import Body, Robot, Scene
+from hmap_core.validation.document import BodyData, Document, GripperData, RobotData, ShapeData
+from hmap_core.validation.geometry import Solid, solid
+from hmap_core.validation.pairs import Pair, PairBuilder
+from hmap_core.validation.world import Part, World
+
+
+def robot_data(robot: Robot) -> RobotData:
+    """A robot as the judge takes it."""
+    model, gripper = robot.model, robot.model.gripper
+    return RobotData(
+        robot.name, model.urdf_uri, robot.base_pose, model.joint_names, robot.q, model.position_limits,
+        model.velocity_limits, model.acceleration_limits, model.end_effector_link, model.T_link_ee,
+        frozenset(frozenset(pair) for pair in model.ignored_collisions),
+        None if gripper is None else GripperData(
+            gripper.joint_names, gripper.per_joint, gripper.finger_links, gripper.min_opening, gripper.max_opening
+        ),
+        np.inf,
+    )  # fmt: skip
+
+
+def _body_data(body: Body) -> BodyData:
+    shapes = tuple(ShapeData(str(s.kind), s.size, s.pose, str(s.mesh) if s.mesh else None) for s in body.shapes)
+    return BodyData(body.name, str(body.kind), shapes, body.pose, body.friction)
+
+
+def _rounded_box(size: tuple[float, ...], radius: float) -> Solid:
+    """A box of these full extents (m) whose edges are rounded: an inset box swept by a ball."""
+    inset = tuple(s - 2.0 * radius for s in size)
+    sharp = solid("box", inset)
+    geometry = coal.Box(*inset)
+    geometry.setSweptSphereRadius(radius)
+    half = np.asarray(size) / 2.0
+    return Solid("box", size, geometry, sharp.points, radius, np.zeros(3), half, sharp.volume, np.zeros(3))
+
+
+class MotionWorld(World):
+    """Robots and bodies at N samples, rounded as the instance says."""
+
+    def __init__(self, document: Document, rounding: float):
+        self._rounding = rounding
+        super().__init__(document)
+
+    def _body_parts(self) -> list[Part]:
+        parts = super()._body_parts()
+        if self._rounding == 0.0:
+            return parts
+        return [
+            Part(p.owner, p.holder, p.link, _rounded_box(p.solid.size, self._rounding), p.R, p.p)
+            if p.solid.kind == "box"
+            else p
+            for p in parts
+        ]
+
+
+def motion_world(
+    scene: Scene,
+    opening: Mapping[str, float],
+    joints: Mapping[str, np.ndarray],
+    objects: Mapping[str, np.ndarray] | None = None,
+    rounding: float = 0.0,
+) -> MotionWorld:
+    """The world at N samples.
+
+    Args:
+        scene: robots and bodies.
+        opening: of each robot's gripper, m.
+        joints: robot -> (N, n).
+        objects: body -> (N, 7), for those that move.
+        rounding: radius of the edges of boxes, m.
+    """
+    N = len(next(iter(joints.values())))
+    document = Document(
+        mode=str(scene.mode),
+        bodies={name: _body_data(body) for name, body in scene.bodies.items()},
+        robots={name: robot_data(robot) for name, robot in scene.robots.items()},
+        goal=None,
+        time=np.arange(N, dtype=float),
+        dt=1.0,
+        joints=dict(joints),
+        gripper={name: np.full(N, opening[name]) for name in scene.robots},
+        objects=dict(objects or {}),
+        segments=(),
+    )
+    return MotionWorld(document, rounding)
+
+
+def pairs(world: World) -> list[Pair]:
+    """All pairs of parts that must not penetrate each other and move against each other, or might."""
+    return PairBuilder(world, set()).build()
+
+
+def nearest(world: World, among: list[Pair], cutoff: float) -> float:
+    """Smallest signed distance (m) of the pairs at sample 0, or ``cutoff`` where none is below it."""
+    first = np.zeros(1, int)
+    for pair in among:
+        if pair._box_gaps(world, first)[0] < cutoff:
+            cutoff = min(cutoff, pair.gauge.distance(world.tracks[pair.a].at(0), world.tracks[pair.b].at(0)))
+    return cutoff
+
+
+def clearance(scene: Scene, opening: Mapping[str, float], q: Mapping[str, np.ndarray], cutoff: float) -> float:
+    """Smallest distance (m) of anything to anything else with the robots at q (robot -> (n,)), up to ``cutoff``."""
+    world = motion_world(scene, opening, {name: np.atleast_2d(value) for name, value in q.items()})
+    return nearest(world, pairs(world), cutoff)
+
+
+def instance_world(instance: MotionInstance, joints: np.ndarray, objects: Mapping[str, np.ndarray]) -> MotionWorld:
+    """The world of an instance with the robots at joints (N, n)."""
+    split = {name: joints[:, instance.columns(name)] for name in instance.scene.robots}
+    return motion_world(instance.scene, instance.opening, split, objects, instance.rounding)
