@@ -494,7 +494,8 @@ def test_terms_are_unrolled_by_step():
     problem.add(Objective(joint_position(home()), ObjectiveType.SOS, [2]))
     terms = problem.terms()
     assert terms.step.tolist() == [0, 2, 2, 4]
-    assert terms.by_step.tolist() == [0, 1, 1, 3, 3, 4]
+    steps = terms.by_sample[problem.samples().first]  # all are at the steps, not between them
+    assert steps.tolist() == [0, 1, 1, 3, 3, 4]
     starts = [terms.params[o] for o, kind in zip(terms.offset, terms.type, strict=True) if kind == 1]
     assert starts == [1.0, 2.0, 0.0]
     assert (problem.steps, problem.last(0), list(problem.span(1))) == (5, 1, [2, 3, 4])

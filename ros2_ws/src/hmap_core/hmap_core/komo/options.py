@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from hmap_core.komo.arrays import Options
 
 
@@ -20,6 +22,8 @@ class SolverOptions:
         substeps: collision samples per interval; 2 looks at the step and half-way to it.
         activity: pairs nearer than their margin plus this are looked at together with those that are violated, so that
             a step does not run into them, m.
+        optimality: a feasible path is improved until no multiplier changes by more than this times the penalty (m, rad);
+            infinite: the first that is feasible and nearly at rest is taken.
         coarse, coarse_activity, coarse_tolerance: a path is solved first with about so many collision samples, with
             this activity (m), to this tolerance (m, rad); 0 samples: not.
         refinements: how often samples are added where a solved path comes too near between them.
@@ -40,6 +44,7 @@ class SolverOptions:
     velocity: float = 0.0
     substeps: int = 2
     activity: float = 0.01
+    optimality: float = np.inf
     coarse: int = 20
     coarse_activity: float = 0.08
     coarse_tolerance: float = 2e-3

@@ -61,7 +61,7 @@ def new_scratch(T, n, chain, terms, cols, samples, prefix):
         np.zeros((3, 3)), np.zeros(WORK), np.zeros(MAX_DIM), np.zeros(MAX_DIM), np.zeros((MAX_DIM, n)),
         np.zeros((MAX_ORDER + 1, MAX_DIM, n)), np.zeros(n), np.zeros((S, n)), np.zeros(S), np.zeros(S),
         np.zeros(S, np.bool_), np.empty((S, shapes, 3)), np.empty((S, n + 1, 3, 3)), np.empty((S, P)),
-        np.empty((S, P, 9), np.int16), np.zeros(shapes),
+        np.empty((S, P, 9), np.int16), np.zeros(shapes), np.zeros(P),
     )  # fmt: skip
 
 
@@ -458,8 +458,10 @@ def _model_step(X, prefix, chain, mult, model, damping, bandwidth, A, b, gradien
 
 @nb.njit(**OPTIONS)
 def _update_multipliers(X, prefix, chain, terms, cols, samples, o, mult, model, s):
+    """Returns the largest change of a multiplier, divided by the penalty: violations, and slack where one is felt."""
     T, n = X.shape
     mu = mult.mu[0]
+    change = 0.0
     several = s.R.shape[0] > 1
     for t in range(T):
         for sample in range(samples.first[t], samples.first[t + 1]):
@@ -473,10 +475,15 @@ def _update_multipliers(X, prefix, chain, terms, cols, samples, o, mult, model, 
             R, p = (s.R[index], s.p[index]) if step else (s.Rm, s.pm)
             forward(s.qs, chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R, p)
             if awake:
+                lam_pairs = mult.pairs[sample]
+                for k in range(lam_pairs.shape[0]):
+                    s.before[k] = lam_pairs[k]
                 _collide(
                     cols, chain, s, sample, samples.mask[sample], t, 1.0, R, p, mu, mult.pairs[sample], o.activity,
                     model, True,
                 )  # fmt: skip
+                for k in range(lam_pairs.shape[0]):
+                    change = max(change, abs(lam_pairs[k] - s.before[k]) / mu)
             for m in range(terms.by_sample[sample], terms.by_sample[sample + 1]):
                 if terms.type[m] == SOS:
                     continue
@@ -489,10 +496,17 @@ def _update_multipliers(X, prefix, chain, terms, cols, samples, o, mult, model, 
                 for d in range(terms.dim[m]):
                     c = abs(s.r[d]) - terms.band[m, d] if terms.type[m] == BAND else s.r[d]
                     lam = mult.terms[m, d] + mu * terms.scale[m] * c
-                    mult.terms[m, d] = lam if terms.type[m] == EQ else max(0.0, lam)
+                    if terms.type[m] != EQ:
+                        lam = max(0.0, lam)
+                    change = max(change, abs(lam - mult.terms[m, d]) / (mu * terms.scale[m]))
+                    mult.terms[m, d] = lam
         for i in range(n):
-            mult.limits[t, i, 0] = max(0.0, mult.limits[t, i, 0] + mu * (chain.lower[i] - X[t, i]))
-            mult.limits[t, i, 1] = max(0.0, mult.limits[t, i, 1] + mu * (X[t, i] - chain.upper[i]))
+            for side in range(2):
+                c = chain.lower[i] - X[t, i] if side == 0 else X[t, i] - chain.upper[i]
+                lam = max(0.0, mult.limits[t, i, side] + mu * c)
+                change = max(change, abs(lam - mult.limits[t, i, side]) / mu)
+                mult.limits[t, i, side] = lam
+    return change
 
 
 @nb.njit(**OPTIONS)
@@ -569,9 +583,11 @@ def solve_from(X, prefix, chain, terms, cols, samples, o, mult, s):
             if size < o.step_tolerance or decrease < o.gain_tolerance * abs(merit):
                 break
         worst = max(worst_eq, worst_ineq)
-        if worst < o.tolerance or iterations >= o.iterations:
+        if (worst < o.tolerance and o.optimality >= NEVER) or iterations >= o.iterations:
             break
-        _update_multipliers(X, prefix, chain, terms, cols, samples, o, mult, model, s)
+        change = _update_multipliers(X, prefix, chain, terms, cols, samples, o, mult, model, s)
+        if worst < o.tolerance and change < o.optimality:
+            break
         if worst > ENOUGH * before:
             mult.mu[0] = min(mult.mu[0] * o.mu_growth, o.mu_max)
         before = worst
@@ -668,7 +684,7 @@ def linearise(X, prefix, chain, terms, cols, samples):
         forward(q, chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R[t], p[t])
     s = Scratch(
         R, p, s.Rm, s.pm, s.Hs, s.gs, s.witness, s.work, s.r, s.rk, s.J, s.Jk, s.qs, s.seen, s.travel, s.wake,
-        s.known, s.centers, s.turned, s.slack, s.hints, s.moved,
+        s.known, s.centers, s.turned, s.slack, s.hints, s.moved, s.before,
     )  # fmt: skip
     values, jacobians = np.zeros((M, MAX_DIM)), np.zeros((M, MAX_DIM, 3 * n))
     for m in range(M):
