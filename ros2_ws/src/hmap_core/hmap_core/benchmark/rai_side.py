@@ -14,15 +14,31 @@ from hmap_core.exceptions import InputError
 from hmap_core.transforms import inverse
 from hmap_core.types import Body, Robot, ShapeKind
 
-# Scales of the objectives. RAI calls a result feasible when its scaled errors add up to less than 0.1.
-TARGET_SCALE = 1e2
-COLLISION_SCALE = 1e1
-SUPPORT_SCALE = 1e1
-LIMIT_SCALE = 1e0
-CONTROL_SCALE = 1e-1
-HOMING_SCALE = 1e-1
-OPTIONS = {"stopTolerance": 1e-3, "damping": 1e-1}  # of NLP_Solver
+
+@dataclass(frozen=True)
+class Scales:
+    """Of the objectives. RAI calls a result feasible when its scaled errors add up to less than 0.1."""
+
+    target: float
+    collision: float
+    support: float = 10.0
+    limit: float = 1.0
+
+
+POSTURE = Scales(target=100.0, collision=1.0)
+KEYFRAMES = Scales(target=10.0, collision=1.0)
+PATH = Scales(target=100.0, collision=10.0)
+CONTROL_SCALE = 0.1  # of accelerations
+HOMING_SCALE = 0.1  # of the distance of postures from the start
+OPTIONS = {
+    "stopTolerance": 1e-2,
+    "damping": 0.1,
+    "stopEvals": 200,
+    "stopInners": 20,
+    "lambdaMax": 100.0,
+}  # of NLP_Solver
 KEYFRAME_RESTARTS = 8
+KEYFRAME_NOISE = 0.5  # rad
 ROUNDING = 0.005  # m, least radius of RAI's boxes: the depth of an overlap is never more than their radii
 LOWERED = 5e-4  # m by which standing bodies are lowered, so that to RAI what stands on them does not collide
 FINGER = np.array([0.0, 0.008, 0.0438])  # m, RAI's finger boxes: 1.2 mm further up, so that they end with the real ones
@@ -115,12 +131,12 @@ def solve(instance: MotionInstance, prepared: Prepared) -> Answer:
     ry = robotic()
     rng = np.random.default_rng(instance.seed)
     if not instance.path:
-        q, ok = _keyframes(ry, instance, prepared, rng, instance.restarts)
+        q, ok = _posture(ry, instance, prepared, rng)
         return Answer(ok, np.concatenate([instance.start[None], q]))
     path = None
     for _ in range(1 + instance.restarts):
-        keyframes, _ = _keyframes(ry, instance, prepared, rng, KEYFRAME_RESTARTS)
-        komo = _komo(ry, instance, prepared, instance.steps_per_phase[0], 2)
+        keyframes = _keyframes(ry, instance, prepared, rng)
+        komo = _komo(ry, instance, prepared, instance.steps_per_phase[0], 2, PATH)
         komo.addControlObjective([], 2, CONTROL_SCALE)
         komo.initWithPath(_straight(instance, keyframes))
         ok, q = _solved(ry, komo)
@@ -130,30 +146,30 @@ def solve(instance: MotionInstance, prepared: Prepared) -> Answer:
     return Answer(False, path)
 
 
-def _komo(ry: ModuleType, instance: MotionInstance, prepared: Prepared, steps: int, order: int):
+def _komo(ry: ModuleType, instance: MotionInstance, prepared: Prepared, steps: int, order: int, scales: Scales):
     """The objectives that path and way-points share."""
     phases = len(instance.steps_per_phase)
     komo = ry.KOMO(prepared.config, phases, steps, order, True)
-    komo.addObjective([], ry.FS.accumulatedCollisions, [], ry.OT.eq, [COLLISION_SCALE])
-    komo.addObjective([], ry.FS.jointLimits, [], ry.OT.ineq, [LIMIT_SCALE])
+    komo.addObjective([], ry.FS.accumulatedCollisions, [], ry.OT.eq, [scales.collision])
+    komo.addObjective([], ry.FS.jointLimits, [], ry.OT.ineq, [scales.limit])
     for ride in instance.rides:
         komo.addRigidSwitch(ride.first, [f"held_{ride.object}", ride.object], False)
         if ride.support is not None:
-            _add_support(ry, komo, instance, ride)
+            _add_support(ry, komo, instance, ride, scales.support)
     for k, target in enumerate(instance.targets):
-        frames = [f"{target.robot}_ee", f"target_{k}"]
         if steps > 1 or target.before == 0:
             time = target.phase + 1.0 - target.before / steps
-            komo.addObjective([time], ry.FS.poseDiff, frames, ry.OT.eq, [TARGET_SCALE])
+            frames = [f"{target.robot}_ee", f"target_{k}"]
+            komo.addObjective([time], ry.FS.poseDiff, frames, ry.OT.eq, [scales.target])
     return komo
 
 
-def _add_support(ry: ModuleType, komo, instance: MotionInstance, ride: Ride) -> None:
+def _add_support(ry: ModuleType, komo, instance: MotionInstance, ride: Ride, scale: float) -> None:
     times = [float(ride.first), float(len(instance.steps_per_phase))]
     height = instance.scene.bodies[ride.object].pose[2]
-    z = np.array([[0.0, 0.0, SUPPORT_SCALE]])
+    z = np.array([[0.0, 0.0, scale]])
     komo.addObjective(times, ry.FS.position, [ride.object], ry.OT.eq, z, [0.0, 0.0, height])
-    komo.addObjective(times, ry.FS.vectorZ, [ride.object], ry.OT.eq, [SUPPORT_SCALE], [0.0, 0.0, 1.0])
+    komo.addObjective(times, ry.FS.vectorZ, [ride.object], ry.OT.eq, [scale], [0.0, 0.0, 1.0])
 
 
 def _solved(ry: ModuleType, komo) -> tuple[bool, np.ndarray]:
@@ -162,17 +178,30 @@ def _solved(ry: ModuleType, komo) -> tuple[bool, np.ndarray]:
     return solver.solve().feasible, komo.getPath()
 
 
-def _keyframes(ry: ModuleType, instance: MotionInstance, prepared: Prepared, rng, restarts: int):
-    """Postures (phases, n) of the phase ends, from the start and then from random ones, and whether they are feasible."""
-    komo = _komo(ry, instance, prepared, 1, 1 if len(instance.steps_per_phase) > 1 else 0)
+def _posture(ry: ModuleType, instance: MotionInstance, prepared: Prepared, rng: np.random.Generator):
+    """One posture (1, n), from the start or else from random ones, and whether it is feasible."""
+    komo = _komo(ry, instance, prepared, 1, 0, POSTURE)
     komo.addControlObjective([], 0, HOMING_SCALE)
     low, high = np.concatenate([r.model.position_limits for r in instance.scene.robots.values()], axis=1)
-    for start in (instance.start, *rng.uniform(low, high, (restarts, len(low)))):
+    for start in (instance.start, *rng.uniform(low, high, (instance.restarts, len(low)))):
         komo.initWithConstant(start)
         ok, q = _solved(ry, komo)
         if ok:
             break
     return q, ok
+
+
+def _keyframes(ry: ModuleType, instance: MotionInstance, prepared: Prepared, rng: np.random.Generator) -> np.ndarray:
+    """Postures (phases, n) of the phase ends: KOMO's way-point problem, from the start and from noise round it."""
+    komo = _komo(ry, instance, prepared, 1, 1, KEYFRAMES)
+    komo.addControlObjective([], 0, HOMING_SCALE)
+    shape = len(instance.steps_per_phase), len(instance.start)
+    for noise in (np.zeros(shape), *rng.normal(0.0, KEYFRAME_NOISE, (KEYFRAME_RESTARTS, *shape))):
+        komo.initWithPath(instance.start + noise)
+        ok, q = _solved(ry, komo)
+        if ok:
+            break
+    return q
 
 
 def _straight(instance: MotionInstance, keyframes: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 from hmap_core.benchmark import hmap_side, rai_side
 from hmap_core.benchmark.instances import Answer
 from hmap_core.benchmark.judge import judge
-from hmap_core.benchmark.problems import contact_ik, pick_place, push_step, two_arm
+from hmap_core.benchmark.problems import contact_ik, pick_place, puck, push_step, tunnel_push, two_arm
 from hmap_core.exceptions import InputError
 
 
@@ -54,6 +54,8 @@ PROBLEMS: dict[str, Problem] = {
     "push_step": motion(push_step.push_step),
     "pick_place": motion(pick_place.pick_place),
     "pick_place_rounded": motion(pick_place.pick_place_rounded),
+    "puck_komo": motion(puck.puck_komo),
+    "tunnel_push": motion(tunnel_push.tunnel_push),
     "two_arm": motion(two_arm.two_arm),
 }
 

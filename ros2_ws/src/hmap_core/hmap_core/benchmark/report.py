@@ -15,7 +15,10 @@ def to_dict(results: dict[str, Result]) -> dict:
 def heading() -> list[str]:
     """The first lines of the table."""
     side = "".join(f"{column:>9}" for column in COLUMNS)
-    return [f"{'':<20}{'':>4}  {'hmap':>20}{'':16}  {'RAI':>20}", f"{'problem':<20}{'n':>4}  {side}  {side}{'ratio':>8}"]
+    return [
+        f"{'':<20}{'':>4}  {'hmap':>20}{'':16}  {'RAI':>20}",
+        f"{'problem':<20}{'n':>4}  {side}  {side}{'ratio':>8}",
+    ]
 
 
 def row(name: str, result: Result) -> str:
