@@ -42,6 +42,7 @@ def carried(
     approach: tuple[float, int],
     seed: int,
     touching: bool,
+    lift: tuple[float, int] | None = None,
 ) -> MotionInstance:
     """Reach a contact, then carry the object of a ride to a goal (7,).
 
@@ -49,14 +50,22 @@ def carried(
         opening: of the gripper, m.
         approach: the hand comes from so far back along its z axis (m) in the last so many steps of the first phase.
         touching: whether the contact is a touch of the fingers.
+        lift: the object is so high (m) over start and goal after, and before, so many steps of the second phase.
     """
     start = scene.bodies[ride.object].pose
     before = Target(ride.robot, 0, multiply(start, drawn_back(ride.T_obj_ee, approach[0])), approach[1])
     contact = Target(ride.robot, 0, multiply(start, ride.T_obj_ee))
     end = Target(ride.robot, 1, multiply(goal, ride.T_obj_ee))
+    raised = ()
+    if lift is not None:
+        up = np.array([0.0, 0.0, lift[0], 0.0, 0.0, 0.0, 0.0])
+        raised = (
+            Target(ride.robot, 1, multiply(start + up, ride.T_obj_ee), steps[1] - lift[1]),
+            Target(ride.robot, 1, multiply(goal + up, ride.T_obj_ee), lift[1]),
+        )
     touches = ((ride.robot, ride.object),) if touching else ()
     return MotionInstance(
-        scene, {ride.robot: opening}, steps, (before, contact, end), (ride,), touches, RESTARTS, seed=seed
+        scene, {ride.robot: opening}, steps, (before, contact, *raised, end), (ride,), touches, RESTARTS, seed=seed
     )
 
 

@@ -22,6 +22,8 @@ WALL_SIZE = ((0.2, 0.02, 0.15), (0.4, 0.03, 0.3))  # m
 WALL_AHEAD = (0.45, 0.6)  # m
 APPROACH_STEPS = 4  # the last ones of the first phase, straight down
 APPROACH = 0.06  # m
+LIFT_STEPS = 4  # in which the box goes straight up from the table, or down to it
+LIFT = 0.05  # m
 ROUNDING = 0.005  # m
 
 
@@ -53,4 +55,4 @@ def _attempt(seed: int, rng: np.random.Generator) -> MotionInstance | None:
     ride = Ride(robot.name, BOX, 1, contact)
     if not ends_are_free(scene, opening, ride, goal, rng, SAFE):
         return None
-    return carried(scene, opening, STEPS, ride, goal, (APPROACH, APPROACH_STEPS), seed, touching=False)
+    return carried(scene, opening, STEPS, ride, goal, (APPROACH, APPROACH_STEPS), seed, False, (LIFT, LIFT_STEPS))
