@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hmap_core.benchmark import hmap_side, rai_side
+from hmap_core.benchmark import hmap_side, loop, rai_side
 from hmap_core.benchmark.instances import Answer
 from hmap_core.benchmark.judge import judge
 from hmap_core.benchmark.problems import contact_ik, pick_place, puck, push_step, tunnel_push, two_arm
@@ -55,6 +55,12 @@ PROBLEMS: dict[str, Problem] = {
     "pick_place": motion(pick_place.pick_place),
     "pick_place_rounded": motion(pick_place.pick_place_rounded),
     "puck_komo": motion(puck.puck_komo),
+    "puck_loop": Problem(
+        puck.puck_loop,
+        Side(loop.HMAP.postures, loop.HMAP.run),
+        Side(loop.RAI.postures, loop.RAI.run),
+        loop.judge_loop,
+    ),
     "tunnel_push": motion(tunnel_push.tunnel_push),
     "two_arm": motion(two_arm.two_arm),
 }

@@ -1,12 +1,14 @@
 """A disc that a fingertip on its top carries over the table, round an obstacle in the middle of the way."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from hmap_core.benchmark.instances import MotionInstance, Ride, box, scene_of
 from hmap_core.benchmark.problems.common import SAFE, TABLE, carried, panda, sampled, table, yaw_quaternion
 from hmap_core.benchmark.sampling import contact_pose, ends_are_free, hand_axes
 from hmap_core.transforms import pose
-from hmap_core.types import Body, BodyKind, Goal, Shape, ShapeKind
+from hmap_core.types import Body, BodyKind, Goal, Scene, Shape, ShapeKind
 
 DISC, OBSTACLE = "disc", "obstacle"
 STEPS = (20, 20)
@@ -19,6 +21,32 @@ TILT = np.deg2rad(30.0)  # of the hand from upright, at most
 AROUND = 0.5  # share of the radius within which the contact lies
 APPROACH_STEPS = 3
 APPROACH = 0.04  # m
+
+
+CONTACTS = 20  # candidates of the loop
+
+
+@dataclass(frozen=True)
+class LoopInstance:
+    """A disc to be brought round an obstacle by as many contacts as it takes.
+
+    Attributes:
+        scene: the robot, the table, the disc and the obstacle; its goal is the disc's.
+        contacts: candidates T_obj_ee (7,), in the order in which they are tried.
+        seed: of whatever the two sides draw.
+    """
+
+    scene: Scene
+    contacts: tuple[np.ndarray, ...]
+    seed: int
+
+
+def puck_loop(seed: int) -> LoopInstance:
+    """The scene of :func:`puck_komo`, with candidates for contacts in place of a contact."""
+    scene = puck_komo(seed).scene
+    rng = np.random.default_rng([seed, *b"contacts"])
+    robot = scene.robots["panda"]
+    return LoopInstance(scene, tuple(top_contact(robot, scene.bodies[DISC], rng) for _ in range(CONTACTS)), seed)
 
 
 def puck_komo(seed: int) -> MotionInstance:
