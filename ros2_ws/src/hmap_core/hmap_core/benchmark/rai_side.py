@@ -212,7 +212,7 @@ def _posture(ry: ModuleType, instance: MotionInstance, prepared: Prepared, rng: 
 def _keyframes(
     ry: ModuleType, instance: MotionInstance, prepared: Prepared, rng: np.random.Generator
 ) -> np.ndarray | None:
-    """Postures (phases, n) of the phase ends, if there are: KOMO's way-point problem, from the start and from noise round it."""
+    """Postures (phases, n) of the phase ends, where found: KOMO's way-points, with noise round the start."""
     komo = _komo(ry, instance, prepared, 1, 1, KEYFRAMES)
     komo.addControlObjective([], 0, HOMING_SCALE)
     shape = len(instance.steps_per_phase), len(instance.start)
