@@ -27,6 +27,7 @@ setup(
         "toppra",
         "trimesh",
     ],
+    extras_require={"bench": ["robotic==0.4.2"]},
     packages=find_packages(exclude=["test"]),
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),

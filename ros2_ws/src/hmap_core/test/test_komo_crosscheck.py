@@ -32,8 +32,8 @@ from hmap_core.types import Shape, ShapeKind
 
 STEPS = 8
 TAU = 0.2  # s
-# The solver stops at what is good enough to execute, and looks between the steps; here it has to go on to the optimum at
-# the steps.
+# The solver stops at what is good enough to execute, and looks between the steps; here it has to go on to the optimum
+# at the steps.
 CONVERGED = SolverOptions(
     mu=3.0, mu_growth=2.0, mu_max=1e4, tolerance=1e-8, outer=200, inner=50, iterations=3000, damping=1e-9,
     step_tolerance=1e-9, gain_tolerance=1e-14, optimality=1e-7, refinements=0,

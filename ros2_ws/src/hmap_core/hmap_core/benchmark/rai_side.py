@@ -4,7 +4,8 @@ The settings are the ones with which RAI verified most instances; ``docs/benchma
 """
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
 from types import ModuleType
 
 import numpy as np
@@ -14,15 +15,29 @@ from hmap_core.exceptions import InputError
 from hmap_core.transforms import inverse
 from hmap_core.types import Body, Robot, ShapeKind
 
-# Scales of the objectives. RAI calls a result feasible when its scaled errors add up to less than 0.1.
-TARGET_SCALE = 1e2
-COLLISION_SCALE = 1e1
-SUPPORT_SCALE = 1e1
-LIMIT_SCALE = 1e0
-CONTROL_SCALE = 1e-1
-HOMING_SCALE = 1e-1
-OPTIONS = {"stopTolerance": 1e-3, "damping": 1e-1}  # of NLP_Solver
+
+@dataclass(frozen=True)
+class Settings:
+    """Scales of the objectives, and options of NLP_Solver beside its defaults.
+
+    RAI calls a result feasible when its scaled errors add up to less than 0.1.
+    """
+
+    target: float
+    collision: float
+    support: float = 10.0
+    limit: float = 1.0
+    options: dict = field(default_factory=dict)
+
+
+CAREFUL = {"damping": 0.1, "stopEvals": 200, "stopInners": 20, "lambdaMax": 100.0}  # of RAI's KOMO_ManipulationHelper
+POSTURE = Settings(target=100.0, collision=1.0, options=CAREFUL)
+KEYFRAMES = Settings(target=10.0, collision=1.0, options=CAREFUL)
+PATH = Settings(target=100.0, collision=10.0)
+CONTROL_SCALE = 0.1  # of accelerations
+HOMING_SCALE = 0.1  # of the distance of postures from the start
 KEYFRAME_RESTARTS = 8
+KEYFRAME_NOISE = 0.5  # rad
 ROUNDING = 0.005  # m, least radius of RAI's boxes: the depth of an overlap is never more than their radii
 LOWERED = 5e-4  # m by which standing bodies are lowered, so that to RAI what stands on them does not collide
 FINGER = np.array([0.0, 0.008, 0.0438])  # m, RAI's finger boxes: 1.2 mm further up, so that they end with the real ones
@@ -65,13 +80,20 @@ def prepare(instance: MotionInstance) -> Prepared:
         _add_panda(ry, C, name, robot, instance.opening[name])
     carried = {ride.object for ride in instance.rides}
     for body in instance.scene.bodies.values():
-        _add_body(ry, C, body, max(instance.rounding, ROUNDING), body.name in carried)
+        add_body(ry, C, body, max(instance.rounding, ROUNDING), body.name in carried)
     for k, target in enumerate(instance.targets):
         C.addFrame(f"target_{k}", "world").setRelativePose(wxyz(target.T_world_ee))
     for ride in instance.rides:
         C.addFrame(f"held_{ride.object}", f"{ride.robot}_ee").setRelativePose(wxyz(inverse(ride.T_obj_ee)))
     C.setJointState(instance.start)
     return Prepared(C)
+
+
+def retarget(prepared: Prepared, instance: MotionInstance) -> None:
+    """Moves robots and targets of a Config to where another instance of the same structure has them."""
+    for k, target in enumerate(instance.targets):
+        prepared.config.getFrame(f"target_{k}").setRelativePose(wxyz(target.T_world_ee))
+    prepared.config.setJointState(instance.start)
 
 
 def wxyz(pose: np.ndarray) -> list[float]:
@@ -83,7 +105,7 @@ def _add_panda(ry: ModuleType, C, name: str, robot: Robot, opening: float) -> No
     """RAI's Panda with our joint limits, base, opening and end-effector frame."""
     if robot.model.name != "panda":
         raise InputError(f"robot '{name}': model '{robot.model.name}' has no counterpart in RAI; allowed: panda")
-    C.addFile(ry.raiPath("panda/panda.g"), f"{name}_").setParent(C.getFrame("world"))
+    C.addConfigurationCopy(_panda(name)).setParent(C.getFrame("world"))
     C.getFrame(f"{name}_panda_base").setRelativePose(wxyz(robot.base_pose))
     for k, limits in enumerate(robot.model.position_limits.T):
         C.getFrame(f"{name}_panda_joint{k + 1}").setJoint(ry.JT.hingeZ, limits=list(limits))
@@ -93,7 +115,17 @@ def _add_panda(ry: ModuleType, C, name: str, robot: Robot, opening: float) -> No
     C.addFrame(f"{name}_ee", f"{name}_panda_hand_joint").setRelativePose(wxyz(robot.model.T_link_ee))
 
 
-def _add_body(ry: ModuleType, C, body: Body, rounding: float, carried: bool) -> None:
+@lru_cache
+def _panda(name: str):
+    """RAI's Panda alone, its frames named after the robot: read once from its files."""
+    ry = robotic()
+    C = ry.Config()
+    C.addFile(ry.raiPath("panda/panda.g"), f"{name}_")
+    return C
+
+
+def add_body(ry: ModuleType, C, body: Body, rounding: float, carried: bool) -> None:
+    """Adds a body where it stands, with rounded edges (m); ``carried`` ones may be hung on something else."""
     lowered = 0.0 if carried else LOWERED
     frame = C.addFrame(body.name, "world")
     frame.setRelativePose(wxyz(body.pose - np.array([0, 0, lowered, 0, 0, 0, 0])))
@@ -115,64 +147,81 @@ def solve(instance: MotionInstance, prepared: Prepared) -> Answer:
     ry = robotic()
     rng = np.random.default_rng(instance.seed)
     if not instance.path:
-        q, ok = _keyframes(ry, instance, prepared, rng, instance.restarts)
+        q, ok = _posture(ry, instance, prepared, rng)
         return Answer(ok, np.concatenate([instance.start[None], q]))
     path = None
     for _ in range(1 + instance.restarts):
-        keyframes, _ = _keyframes(ry, instance, prepared, rng, KEYFRAME_RESTARTS)
-        komo = _komo(ry, instance, prepared, instance.steps_per_phase[0], 2)
+        keyframes = _keyframes(ry, instance, prepared, rng)
+        if keyframes is None:
+            continue
+        komo = _komo(ry, instance, prepared, instance.steps_per_phase[0], 2, PATH)
         komo.addControlObjective([], 2, CONTROL_SCALE)
         komo.initWithPath(_straight(instance, keyframes))
-        ok, q = _solved(ry, komo)
+        ok, q = _solved(ry, komo, PATH)
         path = np.concatenate([instance.start[None], q])
         if ok:
             return Answer(True, path)
     return Answer(False, path)
 
 
-def _komo(ry: ModuleType, instance: MotionInstance, prepared: Prepared, steps: int, order: int):
+def _komo(ry: ModuleType, instance: MotionInstance, prepared: Prepared, steps: int, order: int, settings: Settings):
     """The objectives that path and way-points share."""
     phases = len(instance.steps_per_phase)
     komo = ry.KOMO(prepared.config, phases, steps, order, True)
-    komo.addObjective([], ry.FS.accumulatedCollisions, [], ry.OT.eq, [COLLISION_SCALE])
-    komo.addObjective([], ry.FS.jointLimits, [], ry.OT.ineq, [LIMIT_SCALE])
+    komo.addObjective([], ry.FS.accumulatedCollisions, [], ry.OT.eq, [settings.collision])
+    komo.addObjective([], ry.FS.jointLimits, [], ry.OT.ineq, [settings.limit])
     for ride in instance.rides:
         komo.addRigidSwitch(ride.first, [f"held_{ride.object}", ride.object], False)
         if ride.support is not None:
-            _add_support(ry, komo, instance, ride)
+            _add_support(ry, komo, instance, ride, settings.support)
     for k, target in enumerate(instance.targets):
-        frames = [f"{target.robot}_ee", f"target_{k}"]
         if steps > 1 or target.before == 0:
             time = target.phase + 1.0 - target.before / steps
-            komo.addObjective([time], ry.FS.poseDiff, frames, ry.OT.eq, [TARGET_SCALE])
+            frames = [f"{target.robot}_ee", f"target_{k}"]
+            komo.addObjective([time], ry.FS.poseDiff, frames, ry.OT.eq, [settings.target])
     return komo
 
 
-def _add_support(ry: ModuleType, komo, instance: MotionInstance, ride: Ride) -> None:
+def _add_support(ry: ModuleType, komo, instance: MotionInstance, ride: Ride, scale: float) -> None:
     times = [float(ride.first), float(len(instance.steps_per_phase))]
     height = instance.scene.bodies[ride.object].pose[2]
-    z = np.array([[0.0, 0.0, SUPPORT_SCALE]])
+    z = np.array([[0.0, 0.0, scale]])
     komo.addObjective(times, ry.FS.position, [ride.object], ry.OT.eq, z, [0.0, 0.0, height])
-    komo.addObjective(times, ry.FS.vectorZ, [ride.object], ry.OT.eq, [SUPPORT_SCALE], [0.0, 0.0, 1.0])
+    komo.addObjective(times, ry.FS.vectorZ, [ride.object], ry.OT.eq, [scale], [0.0, 0.0, 1.0])
 
 
-def _solved(ry: ModuleType, komo) -> tuple[bool, np.ndarray]:
+def _solved(ry: ModuleType, komo, settings: Settings) -> tuple[bool, np.ndarray]:
     solver = ry.NLP_Solver(komo.nlp(), verbose=0)
-    solver.setOptions(verbose=0, **OPTIONS)
+    solver.setOptions(verbose=0, **settings.options)
     return solver.solve().feasible, komo.getPath()
 
 
-def _keyframes(ry: ModuleType, instance: MotionInstance, prepared: Prepared, rng, restarts: int):
-    """Postures (phases, n) of the phase ends, from the start, then from random ones; whether they are feasible."""
-    komo = _komo(ry, instance, prepared, 1, 1 if len(instance.steps_per_phase) > 1 else 0)
+def _posture(ry: ModuleType, instance: MotionInstance, prepared: Prepared, rng: np.random.Generator):
+    """One posture (1, n), from the start or else from random ones, and whether it is feasible."""
+    komo = _komo(ry, instance, prepared, 1, 0, POSTURE)
     komo.addControlObjective([], 0, HOMING_SCALE)
     low, high = np.concatenate([r.model.position_limits for r in instance.scene.robots.values()], axis=1)
-    for start in (instance.start, *rng.uniform(low, high, (restarts, len(low)))):
+    for start in (instance.start, *rng.uniform(low, high, (instance.restarts, len(low)))):
         komo.initWithConstant(start)
-        ok, q = _solved(ry, komo)
+        ok, q = _solved(ry, komo, POSTURE)
         if ok:
             break
     return q, ok
+
+
+def _keyframes(
+    ry: ModuleType, instance: MotionInstance, prepared: Prepared, rng: np.random.Generator
+) -> np.ndarray | None:
+    """Postures (phases, n) of the phase ends, where found: KOMO's way-points, with noise round the start."""
+    komo = _komo(ry, instance, prepared, 1, 1, KEYFRAMES)
+    komo.addControlObjective([], 0, HOMING_SCALE)
+    shape = len(instance.steps_per_phase), len(instance.start)
+    for noise in (np.zeros(shape), *rng.normal(0.0, KEYFRAME_NOISE, (KEYFRAME_RESTARTS, *shape))):
+        komo.initWithPath(instance.start + noise)
+        ok, q = _solved(ry, komo, KEYFRAMES)
+        if ok:
+            return q
+    return None
 
 
 def _straight(instance: MotionInstance, keyframes: np.ndarray) -> np.ndarray:

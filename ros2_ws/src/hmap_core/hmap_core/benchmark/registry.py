@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from hmap_core.benchmark import hmap_side, rai_side, rrt
+from hmap_core.benchmark import hmap_side, loop, rai_side, rrt
 from hmap_core.benchmark.instances import Answer
 from hmap_core.benchmark.judge import judge
-from hmap_core.benchmark.problems import contact_ik, object_path, pick_place, push_step, two_arm
+from hmap_core.benchmark.problems import contact_ik, object_path, pick_place, puck, push_step, tunnel_push, two_arm
 from hmap_core.exceptions import InputError
 
 
@@ -60,6 +60,14 @@ PROBLEMS: dict[str, Problem] = {
     "push_step": motion(push_step.push_step),
     "pick_place": motion(pick_place.pick_place),
     "pick_place_rounded": motion(pick_place.pick_place_rounded),
+    "puck_komo": motion(puck.puck_komo),
+    "puck_loop": Problem(
+        puck.puck_loop,
+        Side(loop.HMAP.postures, loop.HMAP.run),
+        Side(loop.RAI.postures, loop.RAI.run),
+        loop.judge_loop,
+    ),
+    "tunnel_push": motion(tunnel_push.tunnel_push),
     "two_arm": motion(two_arm.two_arm),
     "rrt_se2": object_path_problem(object_path.se2),
     "rrt_se3": object_path_problem(object_path.se3),

@@ -4,15 +4,16 @@ No solver that is compared has a hand in choosing the instances: what makes an i
 module finds by damped least squares from many random starts (Wampler 1986) and that the judge finds free.
 """
 
-from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
+from hmap_core.benchmark.instances import Ride
 from hmap_core.benchmark.world import clearance, robot_data
 from hmap_core.contacts.surface import sample_surface
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.transforms import from_matrix, multiply, pose
-from hmap_core.types import Body, Robot, Scene
+from hmap_core.types import Body, BodyKind, Robot, Scene
 from hmap_core.validation import arm, rigid
 
 LIMIT_SHARE = 0.05  # of the joint range, at either end, in which no posture is drawn
@@ -73,21 +74,27 @@ def postures_at(robot: Robot, T_world_ee: np.ndarray, rng: np.random.Generator, 
     return Q[np.argsort(np.abs(Q - near).max(axis=1), kind="stable")]
 
 
-def free_posture_at(
-    scene: Scene,
-    opening: Mapping[str, float],
-    name: str,
-    T_world_ee,
-    rng,
-    margin: float,
-    near: np.ndarray | None = None,
-) -> np.ndarray | None:
-    """A configuration (n,) of one robot, with everything ``margin`` (m) apart, the other robots where they stand."""
-    for q in postures_at(scene.robots[name], T_world_ee, rng, near):
-        stand = {other: robot.q for other, robot in scene.robots.items()} | {name: q}
-        if clearance(scene, opening, stand, margin) >= margin:
-            return q
-    return None
+def ends_are_free(
+    scene: Scene, opening: float, ride: Ride, goal: np.ndarray, rng: np.random.Generator, margin: float
+) -> bool:
+    """Whether the robot of a ride has free postures with the object at its start and at a goal (7,).
+
+    Free is ``margin`` (m) from everything, but for the fingers at the object and the object on what it stands on.
+    """
+    robot, body = scene.robots[ride.robot], scene.bodies[ride.object]
+    fingers = robot.model.gripper.finger_links
+    touching = {frozenset((f"{robot.name}/{link}", body.name)) for link in fingers}
+    touching |= {frozenset((body.name, other)) for other in scene.bodies if scene.bodies[other].kind is BodyKind.FIXED}
+    near = robot.q
+    for T in (body.pose, goal):
+        there = replace(scene, bodies=scene.bodies | {body.name: replace(body, pose=T)})
+        for q in postures_at(robot, multiply(T, ride.T_obj_ee), rng, near):
+            if clearance(there, {robot.name: opening}, {robot.name: q}, margin, touching) >= margin:
+                near = q
+                break
+        else:
+            return False
+    return True
 
 
 def contact_pose(robot: Robot, point: np.ndarray, normal: np.ndarray, R: np.ndarray) -> np.ndarray:

@@ -1,6 +1,6 @@
 """The world of a motion instance as the judge sees it: its own URDF reader, exact shapes, distances by coal."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import coal
 import numpy as np
@@ -107,10 +107,19 @@ def nearest(world: World, among: list[Pair], cutoff: float) -> float:
     return cutoff
 
 
-def clearance(scene: Scene, opening: Mapping[str, float], q: Mapping[str, np.ndarray], cutoff: float) -> float:
-    """Smallest distance (m) of anything to anything else with the robots at q (robot -> (n,)), up to ``cutoff``."""
+def clearance(
+    scene: Scene,
+    opening: Mapping[str, float],
+    q: Mapping[str, np.ndarray],
+    cutoff: float,
+    touching: Collection[frozenset[str]] = (),
+) -> float:
+    """Smallest distance (m) of anything to anything else with the robots at q (robot -> (n,)), up to ``cutoff``.
+
+    Pairs of names in ``touching`` do not count; links are called ``robot/link``.
+    """
     world = motion_world(scene, opening, {name: np.atleast_2d(value) for name, value in q.items()})
-    return nearest(world, pairs(world), cutoff)
+    return nearest(world, [pair for pair in pairs(world) if frozenset(pair.names) not in touching], cutoff)
 
 
 def instance_world(instance: MotionInstance, joints: np.ndarray, objects: Mapping[str, np.ndarray]) -> MotionWorld:

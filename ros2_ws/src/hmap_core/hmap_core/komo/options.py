@@ -22,7 +22,7 @@ class SolverOptions:
         substeps: collision samples per interval; 2 looks at the step and half-way to it.
         activity: pairs nearer than their margin plus this are looked at together with those that are violated, so that
             a step does not run into them, m.
-        optimality: a feasible path is improved until no multiplier changes by more than this times the penalty (m, rad);
+        optimality: a feasible path is improved until no multiplier changes by more than this times the penalty;
             infinite: the first that is feasible and nearly at rest is taken.
         coarse, coarse_activity, coarse_tolerance: a path is solved first with about so many collision samples, with
             this activity (m), to this tolerance (m, rad); 0 samples: not.

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from hmap_core.benchmark.instances import MotionInstance, Ride, Target, box, scene_of
-from hmap_core.benchmark.problems.common import panda, sampled, table, yaw_quaternion
-from hmap_core.benchmark.sampling import drawn_back, free_posture_at
-from hmap_core.transforms import from_rpy, multiply, pose
+from hmap_core.benchmark.instances import MotionInstance, Ride, box, scene_of
+from hmap_core.benchmark.problems.common import SAFE, carried, panda, sampled, table, yaw_quaternion
+from hmap_core.benchmark.sampling import ends_are_free
+from hmap_core.transforms import from_rpy, pose
 from hmap_core.types import BodyKind, Goal
 
 BOX, WALL = "box", "wall"
@@ -20,10 +20,10 @@ AHEAD = (0.4, 0.6)  # m, where the box stands before the robot
 ASIDE = (0.12, 0.3)  # m from the wall, on either side of it
 WALL_SIZE = ((0.2, 0.02, 0.15), (0.4, 0.03, 0.3))  # m
 WALL_AHEAD = (0.45, 0.6)  # m
-STANDING = -1e-6  # m: the box stands on the table, and at that touches it
-RESTARTS = 2
 APPROACH_STEPS = 4  # the last ones of the first phase, straight down
 APPROACH = 0.06  # m
+LIFT_STEPS = 4  # in which the box goes straight up from the table, or down to it
+LIFT = 0.05  # m
 ROUNDING = 0.005  # m
 
 
@@ -49,20 +49,10 @@ def _attempt(seed: int, rng: np.random.Generator) -> MotionInstance | None:
     )
     # from above, closing along the y axis of the box
     contact = from_rpy((0.0, 0.0, size[2] / 2 - GRASP_DEPTH), (np.pi, 0.0, rng.choice((0.0, np.pi))))
-    opening = {robot.name: min(size[1] + 2 * FINGER_ROOM, robot.model.gripper.open_opening)}
-    near = robot.q
-    for T in (start, goal):
-        there = [table(), box(BOX, size, T, BodyKind.MOVABLE), wall]
-        scene = scene_of("pick_place", seed, there, [robot], Goal(BOX, goal))
-        near = free_posture_at(scene, opening, robot.name, multiply(T, contact), rng, STANDING, near)
-        if near is None:
-            return None
+    opening = min(size[1] + 2 * FINGER_ROOM, robot.model.gripper.open_opening)
     bodies = [table(), box(BOX, size, start, BodyKind.MOVABLE), wall]
     scene = scene_of("pick_place", seed, bodies, [robot], Goal(BOX, goal))
-    targets = (
-        Target(robot.name, 0, multiply(start, drawn_back(contact, APPROACH)), APPROACH_STEPS),
-        Target(robot.name, 0, multiply(start, contact)),
-        Target(robot.name, 1, multiply(goal, contact)),
-    )
     ride = Ride(robot.name, BOX, 1, contact)
-    return MotionInstance(scene, opening, STEPS, targets, (ride,), restarts=RESTARTS, seed=seed)
+    if not ends_are_free(scene, opening, ride, goal, rng, SAFE):
+        return None
+    return carried(scene, opening, STEPS, ride, goal, (APPROACH, APPROACH_STEPS), seed, False, (LIFT, LIFT_STEPS))

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from hmap_core.benchmark.instances import MotionInstance, Ride, Target, box, scene_of
-from hmap_core.benchmark.problems.common import TABLE, panda, sampled, table, yaw_quaternion
-from hmap_core.benchmark.sampling import contact_pose, drawn_back, free_posture_at, hand_axes
-from hmap_core.transforms import apply, multiply, pose
+from hmap_core.benchmark.instances import MotionInstance, Ride, box, scene_of
+from hmap_core.benchmark.problems.common import SAFE, TABLE, carried, panda, sampled, table, yaw_quaternion
+from hmap_core.benchmark.sampling import contact_pose, ends_are_free, hand_axes
+from hmap_core.transforms import apply, pose
 from hmap_core.types import BodyKind, Goal, Robot
 
 BOX = "box"
@@ -18,12 +18,10 @@ SIDEWAYS = np.deg2rad(30.0)  # between the push and the inward normal
 TURN = np.deg2rad(20.0)  # of the box
 TILT = (np.deg2rad(30.0), np.deg2rad(60.0))  # of the hand, from along the normal towards from above
 AROUND = 0.7  # share of a face in which contacts lie
-TOUCHING = -0.0005  # m: the contact itself counts as touching, and nothing else may
 OBSTACLES = 4
 OBSTACLE_SIZE = ((0.04, 0.04, 0.05), (0.12, 0.12, 0.3))  # m
 OBSTACLE_REGION = ((0.2, -0.6), (0.8, 0.6))  # m
 OBSTACLE_DISTANCE = 0.13  # m from the box's path, beyond half their widths
-RESTARTS = 2
 APPROACH_STEPS = 2  # the last ones of the first phase, straight along the hand
 APPROACH = 0.04  # m
 
@@ -55,22 +53,11 @@ def _attempt(seed: int, rng: np.random.Generator) -> MotionInstance | None:
     direction = apply(pose((0, 0, 0), yaw_quaternion(yaw + side)), inward)
     goal = pose(start[:3] + way * direction, yaw_quaternion(yaw + turn))
     bodies = [table(), box(BOX, size, start, BodyKind.MOVABLE), *_obstacles(start, goal, size, rng)]
-    opening = {robot.name: 0.0}
-    near = robot.q
-    for T in (start, goal):
-        there = box(BOX, size, T, BodyKind.MOVABLE)
-        scene = scene_of("push_step", seed, [bodies[0], there, *bodies[2:]], [robot], Goal(BOX, goal))
-        near = free_posture_at(scene, opening, robot.name, multiply(T, contact), rng, TOUCHING, near)
-        if near is None:
-            return None
     scene = scene_of("push_step", seed, bodies, [robot], Goal(BOX, goal))
-    targets = (
-        Target(robot.name, 0, multiply(start, drawn_back(contact, APPROACH)), APPROACH_STEPS),
-        Target(robot.name, 0, multiply(start, contact)),
-        Target(robot.name, 1, multiply(goal, contact)),
-    )
     ride = Ride(robot.name, BOX, 1, contact, support=TABLE)
-    return MotionInstance(scene, opening, STEPS, targets, (ride,), ((robot.name, BOX),), RESTARTS, seed=seed)
+    if not ends_are_free(scene, 0.0, ride, goal, rng, SAFE):
+        return None
+    return carried(scene, 0.0, STEPS, ride, goal, (APPROACH, APPROACH_STEPS), seed, touching=True)
 
 
 def _obstacles(start: np.ndarray, goal: np.ndarray, size: np.ndarray, rng: np.random.Generator):

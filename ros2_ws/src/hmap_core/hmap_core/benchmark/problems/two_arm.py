@@ -3,7 +3,7 @@
 import numpy as np
 
 from hmap_core.benchmark.instances import MotionInstance, Target, scene_of
-from hmap_core.benchmark.problems.common import SAFE, TABLE, panda, sampled, table, yaw_quaternion
+from hmap_core.benchmark.problems.common import RESTARTS, SAFE, TABLE, panda, sampled, table, yaw_quaternion
 from hmap_core.benchmark.sampling import end_effector, random_posture
 from hmap_core.benchmark.world import clearance
 from hmap_core.transforms import pose
@@ -14,7 +14,6 @@ SHARED = ((0.25, -0.3, 0.1), (0.7, 0.3, 0.7))  # m, where the end-effectors go
 OPENING = 0.04  # m
 STEPS = ((20,), (20, 20))
 DRAWS = 400  # postures drawn for each arm and phase
-RESTARTS = 2
 
 
 def two_arm(seed: int) -> MotionInstance:
