@@ -3,12 +3,12 @@
 import numba as nb
 import numpy as np
 
-from hmap_core.collision.gjk import OPTIONS, distance_from
+from hmap_core.collision.gjk import INLINE, distance_from
 
 BEYOND = 1e3  # m: what a pair that is far apart reports
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**INLINE)
 def place_centers(cols, R, p, centers):
     """World centres (S, 3) of the bounding spheres."""
     frame, center = cols.frame, cols.center
@@ -19,7 +19,7 @@ def place_centers(cols, R, p, centers):
             centers[s, x] = p[f, x] + R[f, x, 0] * c0 + R[f, x, 1] * c1 + R[f, x, 2] * c2
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**INLINE)
 def move_on(cols, R, p, centers, turned, moved, slack):
     """Places the shapes at new frames, and takes what they may have come nearer by off the slack of each pair.
 
@@ -64,7 +64,7 @@ def move_on(cols, R, p, centers, turned, moved, slack):
         slack[k] -= moved[a[k]] + moved[b[k]]
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**INLINE)
 def _box_distance(low, high, R, p, c):
     """Distance of a world point c from the box [low, high] of a frame."""
     d0, d1, d2 = c[0] - p[0], c[1] - p[1], c[2] - p[2]
@@ -77,7 +77,7 @@ def _box_distance(low, high, R, p, c):
     return np.sqrt(square)
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**INLINE)
 def pair_distance(cols, k, R, p, centers, cutoff, hint, witness, work):
     """Signed distance (m) of pair k, or a lower bound above ``cutoff``.
 

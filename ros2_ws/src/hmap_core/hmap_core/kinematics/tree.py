@@ -5,10 +5,10 @@ import math
 import numba as nb
 import numpy as np
 
-from hmap_core.collision.gjk import OPTIONS
+from hmap_core.collision.gjk import INLINE, OPTIONS
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**INLINE)
 def forward(q, parent, R_joint, p_joint, prismatic, R, p):
     """Frames of a forest of serial chains.
 
@@ -57,7 +57,7 @@ def forward_last(Q, parent, R_joint, p_joint, prismatic):
     return R_last, p_last
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**INLINE)
 def point_jacobian(R, p, first, prismatic, frame, x0, x1, x2, d0, d1, d2, sign, row):
     """Adds ``sign`` times the derivative of d . x, x a world point fixed in ``frame``, to row (n,)."""
     for k in range(first[frame], frame):

@@ -12,7 +12,7 @@ convergence asks the worst component, in metres and radians, never a sum.
 import numba as nb
 import numpy as np
 
-from hmap_core.collision.gjk import OPTIONS, WORK
+from hmap_core.collision.gjk import INLINE, OPTIONS, WORK
 from hmap_core.collision.pairs import BEYOND, move_on, pair_distance, place_centers
 from hmap_core.kinematics.tree import forward, point_jacobian
 from hmap_core.komo.arrays import Model, Multipliers, Scratch, Terms
@@ -31,6 +31,7 @@ ENOUGH = 0.25  # share of the last round's violation from which the penalty is l
 LOOK_AHEAD = (
     0.02  # m beyond where it matters to which a pair's distance is found, so that it can be left alone for a while
 )
+LEAST_MOTION = 1e-12  # m per interval
 NEVER = BEYOND * BEYOND  # slack (m) of pairs that a phase does not ask for
 
 
@@ -104,7 +105,7 @@ def _smoothness(X, prefix, w_acc, w_vel, H, G):
     return cost
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**INLINE)
 def _visit(X, prefix, t, alpha, reach, sample, qs, seen, travel):
     """Writes the configuration of a sample to qs; returns how far anything may have moved there so far."""
     moved = 0.0
@@ -140,7 +141,7 @@ def _begin(cols, s, sample, mask, R, p):
     s.known[sample] = True
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**INLINE)
 def _collide(cols, chain, s, sample, mask, t, alpha, R, p, mu, lam, activity, model, update):
     """Looks at the pairs of one sample with the frames (R, p).
 
@@ -197,7 +198,7 @@ def _collide(cols, chain, s, sample, mask, t, alpha, R, p, mu, lam, activity, mo
     return penalty, worst
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**INLINE)
 def _call(terms, m, n, chain, R, p, q, r, J):
     """Value r and Jacobian J of term m at the configuration q with the frames (R, p)."""
     J[: terms.dim[m]] = 0.0
@@ -230,7 +231,7 @@ def _value(X, prefix, t, m, chain, terms, s):
         s.r[d] -= terms.target[m, d]
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**INLINE)
 def _objectives(X, prefix, t, sample, alpha, R, p, chain, terms, mu, lam, s, model):
     """Adds the objectives of a sample: to s.Hs, s.gs, those that look at several steps and inequalities to the model.
 
@@ -374,7 +375,7 @@ def _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s):
     return merit, cost, worst_eq, worst_ineq
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**INLINE)
 def _assemble(X, prefix, chain, mult, model, step, A, b):
     """The normal equations A, b of the model with the inequalities that are felt after a step (T n,).
 
@@ -732,9 +733,9 @@ def path_violations(path, masks, chain, cols, floor):
     return violation, pair
 
 
-@nb.njit(**OPTIONS)
-def _speed(chain, frame, dq, R, p, c):
-    """How fast the point c (3,) fixed in a frame moves, and how fast it turns, along the joint motion dq (n,)."""
+@nb.njit(**INLINE)
+def _motion(chain, frame, dq, R, p, c):
+    """Velocity of the point c (3,) fixed in a frame, and its angular velocity, along the joint motion dq (n,)."""
     w0, w1, w2, v0, v1, v2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(chain.first[frame], frame):
         z0, z1, z2, rate = R[k + 1, 0, 2], R[k + 1, 1, 2], R[k + 1, 2, 2], dq[k]
@@ -746,7 +747,7 @@ def _speed(chain, frame, dq, R, p, c):
             v1 += rate * (z2 * r0 - z0 * r2)
             v2 += rate * (z0 * r1 - z1 * r0)
             w0, w1, w2 = w0 + z0 * rate, w1 + z1 * rate, w2 + z2 * rate
-    return np.sqrt(v0 * v0 + v1 * v1 + v2 * v2), np.sqrt(w0 * w0 + w1 * w1 + w2 * w2)
+    return v0, v1, v2, w0, w1, w2
 
 
 @nb.njit(**OPTIONS)
@@ -754,8 +755,9 @@ def between_violations(path, masks, chain, cols, resolution):
     """Worst margin violation within each interval of a path that is straight between its configurations.
 
     A pair is next looked at where it could touch its margin at the earliest (conservative advancement [3]): its shapes
-    move at the speed they have here, which changes by no more than the second derivative of the chain. The next look
-    is at least ``resolution`` metres of motion further.
+    come nearer along their normal, the gap along which bounds the distance from below, at the speed that they have
+    here, which changes by no more than the second derivative of the chain. The next look is at least ``resolution``
+    metres of motion further.
 
     [3] Mirtich, Impulse-based dynamic simulation, 1996.
 
@@ -783,8 +785,9 @@ def between_violations(path, masks, chain, cols, resolution):
         place_centers(cols, R, p, centers)
         for s in range(shapes):
             if cols.frame[s] > 0:
-                v, w = _speed(chain, cols.frame[s], dq, R, p, centers[s])
-                reaches[s] = v + w * cols.bound[s] + 0.5 * bend * cols.speed[s]
+                v0, v1, v2, w0, w1, w2 = _motion(chain, cols.frame[s], dq, R, p, centers[s])
+                speed = np.sqrt(v0 * v0 + v1 * v1 + v2 * v2) + np.sqrt(w0 * w0 + w1 * w1 + w2 * w2) * cols.bound[s]
+                reaches[s] = speed + 0.5 * bend * cols.speed[s]
         for k in range(P):
             a, b = cols.a[k], cols.b[k]
             motion = reaches[a] + reaches[b]
@@ -797,20 +800,32 @@ def between_violations(path, masks, chain, cols, resolution):
                 for i in range(n):
                     q[i] = path[t, i] + alpha * dq[i]
                 forward(q, chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, Rk, pk)
-                speed = 0.0
                 for s in (a, b):
                     f = cols.frame[s]
                     for x in range(3):
                         own[s, x] = pk[f, x]
                         for y in range(3):
                             own[s, x] += Rk[f, x, y] * cols.center[s, y]
-                    if f > 0:
-                        v, w = _speed(chain, f, dq, Rk, pk, own[s])
-                        speed += v + w * cols.bound[s]
-                d = pair_distance(cols, k, Rk, pk, own, cols.margin[k] + LOOK_AHEAD, hints[k], witness, work)
+                cutoff = cols.margin[k] + LOOK_AHEAD
+                d = pair_distance(cols, k, Rk, pk, own, cutoff, hints[k], witness, work)
                 slack[k] = d - cols.margin[k]
                 if -slack[k] > violation[t]:
                     violation[t], pair[t], where[t] = -slack[k], k, alpha
+                speed = 0.0
+                n0, n1, n2 = witness[0, 0], witness[0, 1], witness[0, 2]
+                for s in (a, b):
+                    f = cols.frame[s]
+                    if f == 0:
+                        continue
+                    v0, v1, v2, w0, w1, w2 = _motion(chain, f, dq, Rk, pk, own[s])
+                    if d <= cutoff:
+                        # along the normal: what turns about it, or slides along the plane, comes no nearer
+                        c0, c1, c2 = w1 * n2 - w2 * n1, w2 * n0 - w0 * n2, w0 * n1 - w1 * n0
+                        speed += np.sqrt(c0 * c0 + c1 * c1 + c2 * c2) * cols.bound[s]
+                        speed += (-1.0 if s == a else 1.0) * (n0 * v0 + n1 * v1 + n2 * v2)
+                    else:
+                        speed += np.sqrt(v0 * v0 + v1 * v1 + v2 * v2)
+                        speed += np.sqrt(w0 * w0 + w1 * w1 + w2 * w2) * cols.bound[s]
                 if alpha >= 1.0:
                     break
                 rest = 1.0 - alpha
@@ -819,7 +834,7 @@ def between_violations(path, masks, chain, cols, resolution):
                     break
                 room = max(slack[k], resolution)
                 root = np.sqrt(speed * speed + 2.0 * curve * room)
-                alpha = min(1.0, alpha + 2.0 * room / max(speed + root, 1e-12))
+                alpha = min(1.0, alpha + 2.0 * room / max(speed + root, LEAST_MOTION))
     return violation, pair, where
 
 

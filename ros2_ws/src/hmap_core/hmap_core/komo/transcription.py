@@ -364,10 +364,11 @@ class KomoProblem:
 
     def _left_between(self, index: int, objective: Objective, path: np.ndarray) -> list["_Failure"]:
         """Where a constraint that holds at both ends of an interval is left between them."""
-        steps = np.asarray(objective.steps)
-        if objective.type == ObjectiveType.SOS or objective.order or objective.params is not None:
+        constant = objective.params is None and objective.order == 0
+        if not constant or objective.type == ObjectiveType.SOS or len(objective.steps) < 2:
             return []
-        steps = steps[np.isin(steps - 1, steps)]
+        steps = np.unique(objective.steps)
+        steps = steps[1:][np.diff(steps) == 1]
         if not len(steps):
             return []
         alpha = np.tile(BETWEEN, len(steps))
