@@ -8,7 +8,7 @@ from hmap_core.benchmark.instances import Answer, MotionInstance
 from hmap_core.collision.convex import ConvexSet, from_hulls, hull_vertices
 from hmap_core.komo.skeleton import Skeleton, SkeletonEntry, Symbol
 from hmap_core.komo.skeleton_problem import SkeletonProblem
-from hmap_core.komo.transcription import IK_OPTIONS, solve_ik_batch
+from hmap_core.komo.transcription import IK_OPTIONS, solve_ik
 from hmap_core.komo.workspace import Workspace
 from hmap_core.transforms import apply, inverse, multiply
 from hmap_core.types import Body
@@ -83,11 +83,8 @@ def solve(instance: MotionInstance, workspace: Workspace) -> Answer:
 
 def _posture(instance: MotionInstance, problem: SkeletonProblem, rng: np.random.Generator) -> Answer:
     """From the start, then from random configurations, until one is found."""
-    chain, q = problem.chain, instance.start
-    params = np.concatenate([o.feature.params for o in problem.objectives])[None]
-    for start in (q, *rng.uniform(chain.lower, chain.upper, (instance.restarts, len(q)))):
-        found, ok = solve_ik_batch(problem, params, start[None], start[None])
-        q = found[0]
-        if ok[0]:
-            break
-    return Answer(bool(ok[0]), np.array([instance.start, q]))
+    chain, start = problem.chain, instance.start
+    params = np.concatenate([o.feature.params for o in problem.objectives])
+    random = rng.uniform(chain.lower, chain.upper, (instance.restarts, len(start)))
+    q = solve_ik(problem, params, np.concatenate([start[None], random]), start)
+    return Answer(q is not None, np.array([start, start if q is None else q]))

@@ -21,6 +21,8 @@ from hmap_core.komo.features.base import MAX_DIM, call_kernel
 
 SOS, EQ, INEQ, BAND = 0, 1, 2, 3  # a band is an equality that may be missed by a little, as between steps
 MAX_ORDER = 2
+# a round that leaves more than this share of the violation stalls; after so many in a row the solve ends
+STALL, STALLS = 0.8, 4
 MODEL_ROUNDS = 6  # systems solved for one step, at most
 # shares of what the slope promises (a quadratic gives half) below which a step is refused, the next one is damped
 # more, and above which it is damped less
@@ -29,7 +31,7 @@ TRIES = 10  # steps tried from one path, with more and more damping
 NO_NUMBER = 1e300  # a merit that is not below this is no number: some target or parameter is none
 ENOUGH = 0.25  # share of the last round's violation from which the penalty is left as it is
 LOOK_AHEAD = (
-    0.02  # m beyond where it matters to which a pair's distance is found, so that it can be left alone for a while
+    0.01  # m beyond where it matters to which a distance is found, so that a pair can be left alone for a while
 )
 LEAST_MOTION = 1e-12  # m per interval
 NEVER = BEYOND * BEYOND  # slack (m) of pairs that a phase does not ask for
@@ -141,7 +143,7 @@ def _begin(cols, s, sample, mask, R, p):
     s.known[sample] = True
 
 
-@nb.njit(**INLINE)
+@nb.njit(**OPTIONS)
 def _collide(cols, chain, s, sample, mask, t, alpha, R, p, mu, lam, activity, model, update):
     """Looks at the pairs of one sample with the frames (R, p).
 
@@ -231,7 +233,7 @@ def _value(X, prefix, t, m, chain, terms, s):
         s.r[d] -= terms.target[m, d]
 
 
-@nb.njit(**INLINE)
+@nb.njit(**OPTIONS)
 def _objectives(X, prefix, t, sample, alpha, R, p, chain, terms, mu, lam, s, model):
     """Adds the objectives of a sample: to s.Hs, s.gs, those that look at several steps and inequalities to the model.
 
@@ -375,7 +377,7 @@ def _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s):
     return merit, cost, worst_eq, worst_ineq
 
 
-@nb.njit(**INLINE)
+@nb.njit(**OPTIONS)
 def _assemble(X, prefix, chain, mult, model, step, A, b):
     """The normal equations A, b of the model with the inequalities that are felt after a step (T n,).
 
@@ -536,6 +538,7 @@ def solve_from(X, prefix, chain, terms, cols, samples, o, mult, s):
     worst_eq = BEYOND
     worst_ineq = BEYOND
     before = BEYOND
+    stalled = 0
     for _outer in range(int(o.outer)):
         merit, cost, worst_eq, worst_ineq = _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s)
         if not merit < NO_NUMBER:
@@ -591,6 +594,9 @@ def solve_from(X, prefix, chain, terms, cols, samples, o, mult, s):
             break
         if worst > ENOUGH * before:
             mult.mu[0] = min(mult.mu[0] * o.mu_growth, o.mu_max)
+        stalled = stalled + 1 if worst > STALL * before else 0
+        if stalled == STALLS:
+            break
         before = worst
     return cost, worst_eq, worst_ineq, iterations
 
@@ -626,6 +632,40 @@ def solve_batch(X, prefix, chain, terms, params, cols, free, samples, o):
         result[k, 0] = eq
         result[k, 1] = ineq
     return result
+
+
+@nb.njit(**OPTIONS)
+def solve_until(starts, near, chain, terms, params, cols, free, samples, o):
+    """Solves a one-step problem from one start (n,) after the other of ``starts`` (K, n), until one is feasible.
+
+    Args:
+        near: (n,) configuration to stay near; params, free: as for :func:`solve_batch`.
+
+    Returns:
+        (q (n,), worst violation): those of the first that is feasible, else of the least violated.
+    """
+    n = near.shape[0]
+    own = _with_params(terms, params)
+    prefix = np.empty((2, n))
+    prefix[0] = near
+    prefix[1] = near
+    X = np.empty((1, n))
+    best = np.empty(n)
+    least = 2.0 * BEYOND
+    for k in range(starts.shape[0]):
+        X[0] = starts[k]
+        _, eq, ineq, _ = solve(X, prefix, chain, own, free, samples, o)
+        if cols.a.shape[0] > 0:
+            if max(eq, ineq) < o.tolerance:
+                _, eq, ineq, _ = solve(X, prefix, chain, own, cols, samples, o)
+            else:
+                ineq = BEYOND
+        if max(eq, ineq) < least or k == 0:
+            least = max(eq, ineq)
+            best[:] = X[0]
+        if least <= o.tolerance:
+            break
+    return best, least
 
 
 @nb.njit(**OPTIONS)
@@ -775,12 +815,11 @@ def between_violations(path, masks, chain, cols, resolution):
     reaches, slack, q, dq = np.zeros(shapes), np.zeros(P), np.zeros(n), np.zeros(n)
     hints, witness, work = np.zeros((P, 9), np.int16), np.zeros((3, 3)), np.zeros(WORK)
     for t in range(T):
-        turn, reach = 0.0, 0.0
+        turn, bend = 0.0, 0.0  # bend: bound on the second derivative of every point of a link
         for i in range(n):
             dq[i] = path[t + 1, i] - path[t, i]
+            bend += chain.reach[i] * abs(dq[i]) * (abs(dq[i]) + 2.0 * turn)
             turn += abs(dq[i])
-            reach += chain.reach[i] * abs(dq[i])
-        bend = turn * reach  # bound on the second derivative of every point of a link
         forward(path[t], chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R, p)
         place_centers(cols, R, p, centers)
         for s in range(shapes):

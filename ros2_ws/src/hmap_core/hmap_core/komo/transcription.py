@@ -25,12 +25,13 @@ from hmap_core.komo.solver import (
     penetration,
     solve,
     solve_batch,
+    solve_until,
     standing_margins,
 )
 
 __all__ = [
     "IK_OPTIONS", "KomoProblem", "KomoResult", "Linearisation", "SolverOptions", "Status", "clearance", "follow_ik",
-    "relaxed", "solve_ik_batch", "verification", "without_pairs",
+    "relaxed", "solve_ik", "solve_ik_batch", "verification", "without_pairs",
 ]  # fmt: skip
 
 RELAXATION = 1e-4  # m: what a margin is lowered by beyond what the start needs
@@ -462,18 +463,9 @@ class KomoProblem:
         samples = Samples(np.array([0, 1]), np.ones(1), samples.mask[sample : sample + 1])
         random = rng.uniform(self.chain.lower, self.chain.upper, (IK_STARTS, len(near)))
         starts = random if attempt else np.concatenate([near[None], random])
-        found, options = None, IK_OPTIONS.pack()
-        for q in starts:
-            X = q[None, None].copy()
-            prefix = np.repeat(near[None], 2, 0)[None]
-            violation = solve_batch(
-                X, prefix, self.chain, own, terms.params[None], cols, without_pairs(cols), samples, options
-            )
-            if violation.max() <= IK_OPTIONS.tolerance:
-                return X[0, 0]
-            if found is None:
-                found = X[0, 0]
-        return found
+        return solve_until(
+            starts, near, self.chain, own, terms.params, cols, without_pairs(cols), samples, IK_OPTIONS.pack()
+        )[0]
 
     def linearise(self, path: np.ndarray, start: np.ndarray) -> Linearisation:
         """Values and Jacobian of all objectives at a path (T, n), for tests and for other solvers."""
@@ -612,6 +604,25 @@ def follow_ik(problem: KomoProblem, params: np.ndarray, start: np.ndarray, max_j
     start = np.ascontiguousarray(start, float)
     Q, count = follow(start, problem.chain, terms, padded, cols, samples, options, max_jump)
     return Q[:count]
+
+
+def solve_ik(problem: KomoProblem, params: np.ndarray, starts: np.ndarray, near: np.ndarray) -> np.ndarray | None:
+    """Solves a one-step problem from one start after the other until one is feasible.
+
+    Args:
+        problem: a problem of one phase and one step.
+        params: (N,) all objective parameters, in order.
+        starts: (K, n); near: (n,) the configuration to stay near.
+
+    Returns:
+        A configuration (n,), or None.
+    """
+    terms, padded, cols, samples, options = _one_step(problem, params[None])
+    starts, near = np.ascontiguousarray(starts, float), np.ascontiguousarray(near, float)
+    q, violation = solve_until(
+        starts, near, problem.chain, terms, padded[0], cols, without_pairs(cols), samples, options
+    )  # fmt: skip
+    return q if violation <= problem.options.tolerance and np.isfinite(q).all() else None
 
 
 def solve_ik_batch(problem: KomoProblem, params: np.ndarray, initial: np.ndarray, near: np.ndarray):
