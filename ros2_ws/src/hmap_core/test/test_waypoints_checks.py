@@ -75,14 +75,14 @@ def test_lengths_and_interpolation_agree_with_the_transforms():
 @pytest.mark.parametrize(
     ("problem", "planar", "walls"), [(u_problem(), True, U_WALLS), (window_problem(), False, WINDOW)]
 )
-def test_the_sampling_planner_alone_is_repeatable_and_right(problem, planar, walls):
+def test_the_trees_alone_are_repeatable_and_right(problem, planar, walls):
     """Several solves in one process: the same seed gives the same path whatever came in between."""
 
     def solve(seed):
         checker = checker_of(problem, planar)
         bounds = search_bounds(problem, checker)
         rng = np.random.default_rng(seed)
-        path = rrt_path(checker, [problem.start], [problem.goal], bounds, rng, time.monotonic() + 30.0)
+        path = rrt_path(checker, [problem.start], [problem.goal], bounds, rng, time.monotonic() + 30.0, scale=8)
         return path, smooth(checker, path, rng)
 
     first, other, again = solve(3), solve(4), solve(3)

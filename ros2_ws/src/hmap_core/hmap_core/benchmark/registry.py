@@ -6,10 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hmap_core.benchmark import hmap_side, loop, rai_side
-from hmap_core.benchmark.instances import Answer
-from hmap_core.benchmark.judge import judge
-from hmap_core.benchmark.problems import contact_ik, pick_place, puck, push_step, tunnel_push, two_arm
+from hmap_core.benchmark.problems import contact_ik, object_path, pick_place, puck, push_step, tunnel_push, two_arm
 from hmap_core.exceptions import InputError
 
 
@@ -48,6 +45,12 @@ def motion(instance: Callable[[int], Any]) -> Problem:
     return Problem(instance, ours, theirs, judge)
 
 
+def object_path_problem(instance: Callable[[int], Any]) -> Problem:
+    """A problem whose instances are ways of an object alone."""
+    ours, theirs = Side(rrt.prepare_hmap, rrt.solve_hmap), Side(rrt.prepare_rai, rrt.solve_rai)
+    return Problem(instance, ours, theirs, rrt.judge)
+
+
 PROBLEMS: dict[str, Problem] = {
     "contact_ik": motion(contact_ik.contact_ik),
     "contact_ik_surface": motion(contact_ik.contact_ik_surface),
@@ -63,6 +66,8 @@ PROBLEMS: dict[str, Problem] = {
     ),
     "tunnel_push": motion(tunnel_push.tunnel_push),
     "two_arm": motion(two_arm.two_arm),
+    "rrt_se2": object_path_problem(object_path.se2),
+    "rrt_se3": object_path_problem(object_path.se3),
 }
 
 

@@ -9,7 +9,7 @@ from ompl import geometric as og
 from hmap_core.collision.scene_model import Collisions
 from hmap_core.kinematics.chain import Chain
 from hmap_core.komo.solver import path_violations
-from hmap_core.waypoints.ompl_seeding import box, seeded
+from hmap_core.planner.ompl_seeding import box, seeded
 
 RESOLUTION = 0.05  # rad between two checked configurations of an edge
 RANGE = 0.8  # rad, longest extension of the tree

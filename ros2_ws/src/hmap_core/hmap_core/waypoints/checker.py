@@ -24,6 +24,10 @@ CONTACT_SLACK = 1e-5
 CLEARANCE_CAP = 0.25
 # frames nearer than this are one, m
 SAME_PLACE = 1e-9
+# stands in for the arrays of a support where there is none
+_NO_SUPPORT = (
+    np.zeros(7), 0.0, np.zeros(2), np.zeros((0, 2)), np.zeros(1, np.int64), np.zeros((0, 2)), np.zeros(1, np.int64),
+)  # fmt: skip
 
 
 class ObstacleShapes:
@@ -114,6 +118,12 @@ class ObjectChecker:
         other = copy(self)
         other._keep(margin)
         return other
+
+    @property
+    def arrays(self) -> tuple:
+        """What compiled searches have to know: shapes, required and extra distances, support, ``blocked``."""
+        support = _NO_SUPPORT if self.support is None else self.support.arrays
+        return (*self._a, *self._b), self.required, self._no_extra, (self.support is not None, *support), self.blocked
 
     @property
     def owners(self) -> list[str]:

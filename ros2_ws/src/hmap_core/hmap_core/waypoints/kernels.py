@@ -90,20 +90,26 @@ def all_lengths(poses, radius):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def between(T0, T1, t):
-    """Poses (n, 7) at the parameters t (n,) of the motion from T0 to T1, as transforms.interpolate."""
+def part_way(T0, T1, t, out):
+    """The pose at the parameter t of the motion from T0 to T1 in ``out`` (7,), as transforms.interpolate."""
     axis = np.empty(3)
     angle = screw(T0, T1, axis)
+    for k in range(3):
+        out[k] = T0[k] + t * (T1[k] - T0[k])
+    s, c = np.sin(0.5 * t * angle), np.cos(0.5 * t * angle)
+    x, y, z = s * axis[0], s * axis[1], s * axis[2]
+    out[3] = c * T0[3] + x * T0[6] + y * T0[5] - z * T0[4]
+    out[4] = c * T0[4] - x * T0[5] + y * T0[6] + z * T0[3]
+    out[5] = c * T0[5] + x * T0[4] - y * T0[3] + z * T0[6]
+    out[6] = c * T0[6] - x * T0[3] - y * T0[4] - z * T0[5]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def between(T0, T1, t):
+    """Poses (n, 7) at the parameters t (n,) of the motion from T0 to T1, as transforms.interpolate."""
     out = np.empty((t.shape[0], 7))
     for i in range(t.shape[0]):
-        for k in range(3):
-            out[i, k] = T0[k] + t[i] * (T1[k] - T0[k])
-        s, c = np.sin(0.5 * t[i] * angle), np.cos(0.5 * t[i] * angle)
-        x, y, z = s * axis[0], s * axis[1], s * axis[2]
-        out[i, 3] = c * T0[3] + x * T0[6] + y * T0[5] - z * T0[4]
-        out[i, 4] = c * T0[4] - x * T0[5] + y * T0[6] + z * T0[3]
-        out[i, 5] = c * T0[5] + x * T0[4] - y * T0[3] + z * T0[6]
-        out[i, 6] = c * T0[6] - x * T0[3] - y * T0[4] - z * T0[5]
+        part_way(T0, T1, t[i], out[i])
     return out
 
 

@@ -1,6 +1,7 @@
 """Algorithm 2 of the paper, ObjectBasedRRT: a path of the object alone, and its waypoints."""
 
 import time
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from hmap_core.waypoints.kernels import lengths
 from hmap_core.waypoints.problem import NoObjectPath, ObjectPath, ObjectPathProblem
 from hmap_core.waypoints.resample import chord_step, consistent, cut, resample
 from hmap_core.waypoints.roadmap import SAME_POSE, direct_path, exits
-from hmap_core.waypoints.rrt import rrt_path
+from hmap_core.waypoints.rrt import ROUNDS, rrt_path
 from hmap_core.waypoints.shorten import smooth
 
 # start and goal within this are at the same height and tilt
@@ -25,7 +26,7 @@ REMOVAL_SHARE = 0.25
 DEFAULT_TIME_LIMIT = 5.0  # s
 # shares of the problem's margin that are tried where the whole is too much
 TIGHTER = (0.25,)
-# each further series of RRTConnect may check this many times more motions
+# each further series of searches by trees may check this many times more motions
 GROWTH = 2
 
 
@@ -45,13 +46,33 @@ def plan_waypoints(
     """
     began = time.monotonic()
     share = 1.0 - REMOVAL_SHARE if problem.removable else 1.0
-    path, checkers = _search(problem, rng, began, share * time_limit_s)
-    if path is not None:
-        return path
+    found, checkers = _search(problem, rng, began, share * time_limit_s)
+    if found is not None:
+        return _finished(problem, found, smooth(found.checker, found.poses, rng))
     raise _failure(problem, checkers, rng, began + time_limit_s)
 
 
-def _search(problem, rng, began, time_limit_s) -> tuple[ObjectPath | None, list[ObjectChecker]]:
+@dataclass(frozen=True)
+class Corners:
+    """A free path as the search found it, before it is shortened."""
+
+    poses: np.ndarray  # (n, 7) T_world_middle: of a frame at ``middle`` in the body, about which its motions turn
+    checker: ObjectChecker  # that allows it
+    middle: np.ndarray  # (3,) in the body's frame, m
+
+
+def find_corners(
+    problem: ObjectPathProblem, rng: np.random.Generator, time_limit_s: float = DEFAULT_TIME_LIMIT
+) -> Corners | None:
+    """The search of :func:`plan_waypoints` alone: any free path, or None when none was found in time.
+
+    Raises:
+        InputError: as :func:`plan_waypoints`.
+    """
+    return _search(problem, rng, time.monotonic(), time_limit_s)[0]
+
+
+def _search(problem, rng, began, time_limit_s) -> tuple[Corners | None, list[ObjectChecker]]:
     """Try planar and spatial motion as the problem allows, in a frame in the middle of the body."""
     middle = body_middle(problem.body)
     central = recentred(problem, middle)
@@ -60,13 +81,14 @@ def _search(problem, rng, began, time_limit_s) -> tuple[ObjectPath | None, list[
     tried = []
     for planar, share in _motions(problem):
         checker = ObjectChecker(central, geometry, planar, problem.margin)
-        checkers = [checker, *(checker.with_margin(share_of * problem.margin) for share_of in TIGHTER)]
+        tighter = [share_of * problem.margin for share_of in TIGHTER if problem.margin > 0.0]
+        checkers = [checker, *(checker.with_margin(margin) for margin in tighter)]
         if planar and problem.motion == "auto" and checkers[0].support is None:
             continue
         tried += checkers
         found = _corners(central, checkers, rng, began + share * time_limit_s)
         if found is not None:
-            return _finished(problem, middle, *found), tried
+            return Corners(found[1], found[0], middle), tried
     return None, tried
 
 
@@ -100,35 +122,44 @@ def search_bounds(problem: ObjectPathProblem, checker: ObjectChecker) -> np.ndar
 
 
 def _corners(problem, checkers, rng, deadline) -> tuple[ObjectChecker, np.ndarray] | None:
-    """A smoothed free path (n, 7) and the checker that allows it, the wider margin first.
+    """A free path (n, 7) and the checker that allows it, the wider margin first.
 
-    By the small roadmap, else by RRTConnect from the exits of start and goal, with growing budgets.
+    Straight, else in the plane by two trees that grow for a moment, else by the small roadmap; then by trees from the
+    exits of start and goal, with growing budgets.
     """
     bounds = search_bounds(problem, checkers[0])
-    ends: dict[int, tuple] = {}
+    start = np.asarray(problem.start, float)
+    ends = []
+    for checker in checkers:
+        goal = flattened(problem, problem.goal) if checker.planar else np.asarray(problem.goal, float)
+        path = _first_tries(checker, start, goal, bounds, rng, deadline)
+        if path is not None:
+            return checker, path
+        ends.append(tuple([T, *exits(checker, T, o, bounds)] for T, o in ((start, goal), (goal, start))))
     scale = 1
-    while True:
-        for k, checker in enumerate(checkers):
-            start = np.asarray(problem.start, float)
-            goal = flattened(problem, problem.goal) if checker.planar else np.asarray(problem.goal, float)
-            path = None
-            if k not in ends:
-                path = direct_path(checker, start, goal, bounds)
-                if path is None:
-                    ends[k] = tuple([T, *exits(checker, T, o, bounds)] for T, o in ((start, goal), (goal, start)))
-            if path is None:
-                path = rrt_path(checker, *ends[k], bounds, rng, deadline, scale)
+    while time.monotonic() < deadline:
+        for checker, (starts, goals) in zip(checkers, ends, strict=True):
+            path = rrt_path(checker, starts, goals, bounds, rng, deadline, scale)
             if path is not None:
                 # a tree may begin at an exit; the way from the true end to it was found free
-                path = np.concatenate([start[None], path, goal[None]])
-                path = path[np.concatenate(([True], lengths(path, checker.radius) > SAME_POSE))]
-                return checker, smooth(checker, path, rng)
-            if time.monotonic() >= deadline:
-                return None
+                path = np.concatenate([starts[:1], path, goals[:1]])
+                return checker, path[np.concatenate(([True], lengths(path, checker.radius) > SAME_POSE))]
         scale *= GROWTH
+    return None
 
 
-def _finished(problem, middle, checker, corners) -> ObjectPath:
+def _first_tries(checker, start, goal, bounds, rng, deadline) -> np.ndarray | None:
+    """What is fast where it works; poses (n, 7) or None."""
+    if checker.motion_free(start, goal):
+        return np.array([start, goal])
+    path = None
+    if checker.planar:  # in space the trees go round what the roadmap lifts the body over
+        path = rrt_path(checker, [start], [goal], bounds, rng, deadline, rounds=ROUNDS[:1])
+    return direct_path(checker, start, goal, bounds) if path is None else path
+
+
+def _finished(problem: ObjectPathProblem, found: Corners, corners: np.ndarray) -> ObjectPath:
+    checker, middle = found.checker, found.middle
     dense, where = resample(corners, chord_step(float(np.linalg.norm(middle))))
     poses = np.array([multiply(T, pose(-middle)) for T in dense]) if middle.any() else dense.copy()
     for k, T in ((0, problem.start), (-1, problem.goal)):

@@ -1,4 +1,4 @@
-"""Cheap, deterministic candidates before any sampling: a small roadmap of moves along the axes, searched lazily.
+"""Deterministic candidates before any long search: a small roadmap of moves along the axes, searched lazily.
 
 The nodes are the start, the goal, and poses reached from either by moving along an axis of the body or of the world:
 out of a slot, up and over, round a corner, with the orientation of the start and of the goal; and quarter turns of the
@@ -13,7 +13,7 @@ from hmap_core.transforms import quaternion_multiply, rotation_matrix
 from hmap_core.waypoints import kernels
 from hmap_core.waypoints.checker import ObjectChecker
 
-# motions checked before the sampling planner takes over
+# motions checked before the trees take over
 MAX_CHECKS = 400
 # heights tried above the higher of start and goal in spatial motion, m
 LIFTS = (0.03, 0.08, 0.15, 0.3, 0.5)
@@ -126,9 +126,10 @@ def _shortest(cost, previous):
 
 
 def direct_path(checker: ObjectChecker, start: np.ndarray, goal: np.ndarray, bounds: np.ndarray) -> np.ndarray | None:
-    """Poses (n, 7) of a free path on the small roadmap, or None; ``bounds`` (2, 3) of its positions."""
-    if checker.motion_free(start, goal):
-        return np.array([start, goal])
+    """Poses (n, 7) of a free path on the small roadmap, or None; ``bounds`` (2, 3) of its positions.
+
+    The straight motion from start to goal counts as known to be blocked.
+    """
     nodes = _nodes(checker, start, goal, checker.radius, bounds)
     cost = kernels.all_lengths(nodes, checker.radius) + NODE_COST
     np.fill_diagonal(cost, np.inf)

@@ -152,15 +152,19 @@ def _held(yaw, px, py, com, feet, feet_start, tops, tops_start, margin):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _held_along(reference, T0, T1, steps, com, feet, feet_start, tops, tops_start, margin):
-    """The same at ``steps`` + 1 instants of the motion from pose T0 to T1 (7,), both planar from ``reference``."""
+def held_along(T0, T1, reference, arm, com, feet, feet_start, tops, tops_start):
+    """The same at every SUPPORT_STEP of the motion from pose T0 to T1 (7,), both planar from ``reference``.
+
+    ``arm`` is the distance in metres of the body's farthest point from the axis of its turns.
+    """
     axis = np.empty(3)
+    steps = int(np.ceil(length(T0, T1, arm) / SUPPORT_STEP))
     yaw0 = screw(reference, T0, axis) * axis[2]
     turn = screw(T0, T1, axis) * axis[2]
     for k in range(steps + 1):
         t = k / max(steps, 1)
         px, py = T0[0] + t * (T1[0] - T0[0]), T0[1] + t * (T1[1] - T0[1])
-        if not _held(yaw0 + t * turn, px, py, com, feet, feet_start, tops, tops_start, margin):
+        if not _held(yaw0 + t * turn, px, py, com, feet, feet_start, tops, tops_start, SUPPORT_MARGIN):
             return False
     return True
 
@@ -173,23 +177,25 @@ class Support:
         shapes: the obstacle shapes, world frame.
         carrying: (SB,) which of them reach up to the body's lowest point.
         reference: T_world_obj (7,); poses asked about differ from it by planar motion.
+
+    Attributes:
+        arrays: what ``held_along`` has to know of it.
     """
 
     def __init__(self, body: ConvexSet, shapes, carrying: np.ndarray, reference: np.ndarray):
         tops = [_face(h, r, True, h[:, 2].max() + r) for (h, r), c in zip(shapes.hulls, carrying, strict=True) if c]
         R = rotation_matrix(reference)
-        self._reference = np.asarray(reference, float)
-        self._arm = float(np.linalg.norm((body.vertices @ R.T)[:, :2], axis=1).max())
-        self._data = ((R @ centre_of_mass(body))[:2].copy(), *_packed(feet(body, R)[0]), *_packed(tops))
+        arm = float(np.linalg.norm((body.vertices @ R.T)[:, :2], axis=1).max())
+        com = (R @ centre_of_mass(body))[:2].copy()
+        self.arrays = (np.array(reference, float), arm, com, *_packed(feet(body, R)[0]), *_packed(tops))
 
     def holds(self, T: np.ndarray) -> bool:
         """Whether the body stands stably at pose T (7,): its mass centre SUPPORT_MARGIN inside the contact polygon."""
-        return bool(_held_along(self._reference, T, T, 0, *self._data, SUPPORT_MARGIN))
+        return self.holds_along(T, T)
 
     def holds_along(self, T0: np.ndarray, T1: np.ndarray) -> bool:
         """The same at every SUPPORT_STEP of the motion between two poses, the ends included."""
-        steps = int(np.ceil(length(T0, T1, self._arm) / SUPPORT_STEP))
-        return bool(_held_along(self._reference, T0, T1, steps, *self._data, SUPPORT_MARGIN))
+        return bool(held_along(T0, T1, *self.arrays))
 
 
 def _packed(polygons: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,108 @@
+"""RRTConnect for one body, compiled: two trees of poses grow towards samples and towards each other.
+
+Kuffner & LaValle, "RRT-Connect", ICRA 2000. Two things are added. A step that is blocked is tried again without its
+turn, so that a body that is lined up with a narrow passage goes on along it; and the metric in which the nearest pose
+is sought is cheap, because thousands of poses are compared for every step.
+"""
+
+import numpy as np
+from numba import njit
+
+from hmap_core.waypoints.kernels import free_until, length, part_way
+from hmap_core.waypoints.support import held_along
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _sample(rng, space, T):
+    """A pose in ``T`` (7,), uniform in the bounds and in rotation (Shoemake 1992), or in yaw from the reference."""
+    planar, reference, lower, upper = space[:4]
+    for k in range(3):
+        T[k] = lower[k] + rng.random() * (upper[k] - lower[k])
+    if planar:
+        T[2] = reference[2]
+        half = np.pi * rng.random()
+        s, c = np.sin(half), np.cos(half)
+        qx, qy, qz, qw = reference[3], reference[4], reference[5], reference[6]
+        T[3], T[4], T[5], T[6] = c * qx - s * qy, c * qy + s * qx, c * qz + s * qw, c * qw - s * qz
+        return
+    u, v, w = rng.random(), 2.0 * np.pi * rng.random(), 2.0 * np.pi * rng.random()
+    a, b = np.sqrt(1.0 - u), np.sqrt(u)
+    T[3], T[4], T[5], T[6] = a * np.sin(v), a * np.cos(v), b * np.sin(w), b * np.cos(w)
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=True)
+def _nearest(nodes, count, T, radius):
+    """Index of the pose of nodes[:count] nearest to T by displacement and the chord of the turn times ``radius``."""
+    best, at = np.inf, 0
+    weight = 8.0 * radius * radius  # chord^2 = 4 sin^2(angle / 4) * 4 = 8 (1 - |dot|)
+    for i in range(count):
+        x, y, z = nodes[i, 0] - T[0], nodes[i, 1] - T[1], nodes[i, 2] - T[2]
+        dot = nodes[i, 3] * T[3] + nodes[i, 4] * T[4] + nodes[i, 5] * T[5] + nodes[i, 6] * T[6]
+        d = x * x + y * y + z * z + weight * (1.0 - abs(dot))
+        if d < best:
+            best, at = d, i
+    return at
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _free(T0, T1, shapes, required, extra, support, blocked, hit):
+    """Whether the body may move from T0 to T1; counts in ``blocked`` (SB,) what stops it."""
+    VA, sA, radA, cA, bA, VB, sB, radB, lower, upper = shapes
+    hit[0], hit[1] = -1, 0
+    if free_until(T0, T1, VA, sA, radA, cA, bA, VB, sB, radB, lower, upper, required, extra, hit) < 1.0:
+        blocked[hit[0]] += 1
+        return False
+    held, reference, arm, com, feet, feet_start, tops, tops_start = support
+    return not held or held_along(T0, T1, reference, arm, com, feet, feet_start, tops, tops_start)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def grow(nodes, parent, count, link, rng, space, shapes, required, extra, support, blocked, budget):
+    """Grow two trees until they meet, are full, or ``budget`` motions are checked; returns how many were.
+
+    Args:
+        nodes: (2, N, 7) poses of both trees, the roots first; parent: (2, N) index of a pose's parent, -1 for roots.
+        count: (3,) poses in each tree, rounds made; goes on from there when called again.
+        link: (2,) where the trees meet, once they do; left alone before.
+        rng: numpy Generator.
+        space: planar?, reference pose (7,) of planar motion, lower (3,) and upper (3,) position in m, metres that a
+            radian of turn counts as, longest step in those metres.
+        shapes, required, extra, blocked: of the checker.
+        support: whether the body is held by one, and its arrays.
+    """
+    radius, step = space[4], space[5]
+    sample, new, spare = np.empty(7), np.empty(7), np.empty(7)
+    hit = np.zeros(2, np.int64)
+    capacity = nodes.shape[1]
+    used = 0
+    while used < budget and max(count[0], count[1]) < capacity:
+        a = count[2] & 1
+        b = 1 - a
+        count[2] += 1
+        _sample(rng, space, sample)
+        i = _nearest(nodes[a], count[a], sample, radius)
+        part_way(nodes[a, i], sample, min(1.0, step / length(nodes[a, i], sample, radius)), new)
+        used += 1
+        if not _free(nodes[a, i], new, shapes, required, extra, support, blocked, hit):
+            new[3:] = nodes[a, i, 3:]
+            used += 1
+            if not _free(nodes[a, i], new, shapes, required, extra, support, blocked, hit):
+                continue
+        nodes[a, count[a]], parent[a, count[a]] = new, i
+        count[a] += 1
+        i = _nearest(nodes[b], count[b], new, radius)
+        rest = length(nodes[b, i], new, radius)
+        while count[b] < capacity:
+            last = rest <= step
+            part_way(nodes[b, i], new, 1.0 if last else step / rest, spare)
+            used += 1
+            if not _free(nodes[b, i], spare, shapes, required, extra, support, blocked, hit):
+                break
+            if last:
+                link[a], link[b] = count[a] - 1, i
+                return used
+            nodes[b, count[b]], parent[b, count[b]] = spare, i
+            i = count[b]
+            count[b] += 1
+            rest -= step
+    return used
