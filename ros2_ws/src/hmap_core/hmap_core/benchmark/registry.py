@@ -6,6 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from hmap_core.benchmark import hmap_side, loop, rai_side, rrt
+from hmap_core.benchmark.instances import Answer
+from hmap_core.benchmark.judge import judge
 from hmap_core.benchmark.problems import contact_ik, object_path, pick_place, puck, push_step, tunnel_push, two_arm
 from hmap_core.exceptions import InputError
 
