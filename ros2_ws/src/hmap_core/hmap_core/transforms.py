@@ -116,6 +116,13 @@ def distance(T_a: np.ndarray, T_b: np.ndarray) -> tuple[float, float]:
     return float(np.linalg.norm(T_a[:3] - T_b[:3])), float(angle)
 
 
+def consistent(poses: np.ndarray) -> np.ndarray:
+    """The same poses (M, 7) with quaternions that never turn round between neighbours."""
+    turns = np.einsum("ij,ij->i", poses[1:, 3:], poses[:-1, 3:]) < 0.0
+    sign = np.where(np.cumsum([False, *turns]) % 2, -1.0, 1.0)
+    return np.concatenate([poses[:, :3], poses[:, 3:] * sign[:, None]], axis=1)
+
+
 def interpolate(T_a: np.ndarray, T_b: np.ndarray, s) -> np.ndarray:
     """Poses (..., 7) between ``T_a`` (s = 0) and ``T_b`` (s = 1): straight in position, shortest arc in rotation."""
     s = np.asarray(s, float)

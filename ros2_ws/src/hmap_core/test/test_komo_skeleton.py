@@ -1,5 +1,6 @@
 """Skeletons: from who touches and holds what, to paths that the judge's geometry finds free."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -88,6 +89,53 @@ def test_two_arms_reach_past_each_other(tmp_path):
     assert found < PENETRATION, who
 
 
+def test_boxes_are_placed_one_after_the_other(tmp_path):
+    """The second stands on the first."""
+    world = scene(tmp_path, [], [("brick", BRICK, (0.5, -0.15, 0.04)), ("block", BRICK, (0.4, 0.15, 0.04))])
+    goals = {"brick": pose((0.55, 0.15, 0.04)), "block": pose((0.55, 0.15, 0.12))}
+    skeleton = None
+    for name, goal in goals.items():
+        part = Skeleton([
+            entry(1, 2, "stable", "arm", name, target=grasp()),
+            entry(1.8, 1.8, "position_eq", name, target=goal[:3] + (0, 0, 0.04)),
+            entry(2, 2, "pose_eq", name, target=goal),
+        ])  # fmt: skip
+        skeleton = skeleton.then(part) if skeleton else part
+    assert [(s.phase, s.object, s.after) for s in skeleton.switches()] == [
+        (1, "brick", "arm"), (2, "brick", None), (3, "block", "arm"),
+    ]  # fmt: skip
+    problem = SkeletonProblem(skeleton, Workspace(world), (10, 15, 10, 20))
+    path = solved(problem)
+    poses = problem.object_poses(path)
+    for name, goal in goals.items():
+        assert max(distance(poses[name][-1], goal)) < 2e-4
+    np.testing.assert_allclose(poses["block"][problem.step(3.8), :3], goals["block"][:3] + (0, 0, 0.04), atol=2e-4)
+    found, who = depth(problem, path, {"arm": [OPEN, 0.05, OPEN, 0.05]})
+    assert found < PENETRATION, who
+
+
+def test_a_box_follows_a_path(tmp_path):
+    world = scene(tmp_path, [], [("brick", BRICK, (0.5, -0.15, 0.04))])
+    s = np.linspace(0, 1, 13)[1:]
+    angle = 0.8 * s
+    way = np.array([from_rpy((0.5, -0.15 + 0.2 * x, 0.04 + 0.1 * x), (0, 0, a)) for x, a in zip(s, angle, strict=True)])
+    entries = [entry(1, 2, "stable", "arm", "brick", target=grasp()), entry(1, 2, "pose_eq", "brick", target=way)]
+    problem = SkeletonProblem(Skeleton(entries), Workspace(world), (10, 12))
+    poses = problem.object_poses(solved(problem))["brick"][10:]
+    assert max(max(distance(a, b)) for a, b in zip(poses, way, strict=True)) < 3e-4
+
+
+def test_one_hand_is_asked_to_be_where_the_other_is(tmp_path):
+    world = scene(tmp_path, [], [("brick", BRICK, (0.45, 0.6, 0.04))], TWO_ARMS)
+    beside = np.array([0.0, 0.0, -0.3])
+    problem = SkeletonProblem(
+        Skeleton([entry(1, 1, "position_eq", "left", "right", target=beside)]), Workspace(world), 8
+    )
+    path = solved(problem)
+    left, right = (problem.workspace.end_effectors(name, path)[-1] for name in ("left", "right"))
+    np.testing.assert_allclose(multiply(inverse(right), left)[:3], beside, atol=3e-4)
+
+
 def test_a_box_is_handed_over(tmp_path):
     long = (0.3, 0.05, 0.05)
     world = scene(tmp_path, [], [("brick", long, (0.4, -0.2, 0.025))], TWO_ARMS)
@@ -163,6 +211,8 @@ WRONG = {
     "the start is given": lambda: [entry(0, 0, "home", "left")],
     "for whole phases": lambda: [entry(0.5, 2, "stable", "left", "brick", target=grasp())],
     "7 finite numbers": lambda: [entry(1, 1, "pose_eq", "left", target=(0.5, 0, 0.3))],
+    "must be 7 finite numbers": lambda: [entry(1, 2, "stable", "left", "brick", target=(0, 0, 0.1))],
+    "one contact": lambda: [entry(1, 1, "touch", "left", "brick", target=np.tile(GOAL, (3, 1)))],
     "quaternion": lambda: [entry(1, 1, "pose_eq", "left", target=(0.5, 0, 0.3, 0, 0, 0, 2))],
     "at the same time": lambda: [HOLD, entry(1, 3, "stable", "right", "brick", target=grasp())],
     "no frame 'brack'": lambda: [entry(1, 2, "stable", "left", "brack", target=grasp())],
@@ -173,6 +223,7 @@ WRONG = {
     "nothing holds it then": lambda: [entry(1, 1, "pose_eq", "brick", target=GOAL), HOLD],
     "nothing holds 'block' in phase 2": lambda: [entry(1, 2, "stable", "block", "brick", target=GOAL)],
     "nothing moves 'right' against 'brick'": lambda: [entry(1, 1, "touch", "right", "brick", target=grasp())],
+    "nothing moves 'left' against 'brick'": lambda: [HOLD, entry(2, 3, "stable", "left", "brick", target=grasp(0.03))],
     "has 3 targets for 4 steps": lambda: [HOLD, entry(1, 2, "pose_eq", "brick", target=np.tile(GOAL, (3, 1)))],
     "no robot that moves": lambda: [entry(1, 1, "home", "right")],
     "must be 7 joints": lambda: [entry(1, 1, "home", "left", target=np.zeros(3))],
@@ -185,6 +236,32 @@ WRONG = {
 def test_what_does_not_fit_is_named(workspace, reason):
     with pytest.raises(InputError, match=reason):
         SkeletonProblem(Skeleton(WRONG[reason]()), workspace, 4)
+
+
+def test_robots_that_move_must_be_there(workspace):
+    with pytest.raises(InputError, match="no robot 'middle'; there are left, right"):
+        Workspace(workspace.scene, robots=["middle"])
+
+
+def test_what_is_put_onto_something_is_where_that_is(workspace):
+    """Relative to a body that stands; the two may touch; a hold may be written in two."""
+    on_top = pose((0, 0, BRICK[2]))
+    skeleton = Skeleton([
+        entry(1, 2, "stable", "left", "brick", target=grasp()),
+        entry(2, 3, "stable", "left", "brick", target=grasp()),
+        entry(1, 3, "above", "brick", "block"),
+        entry(3, 3, "pose_eq", "brick", "block", target=on_top),
+        entry(3, 4, "stable", "left", "block", target=grasp(0.0)),
+    ])  # fmt: skip
+    problem = SkeletonProblem(skeleton, workspace, 4)
+    poses = problem.object_poses(np.tile(workspace.start, (16, 1)))
+    np.testing.assert_allclose(poses["brick"][-1], multiply(workspace.state.poses["block"], on_top), atol=1e-12)
+    assert margins(problem, "brick", "block") == {
+        1: [-TOUCH_ALLOWANCE], 2: [-TOUCH_ALLOWANCE], 3: [-TOUCH_ALLOWANCE],
+    }  # fmt: skip
+    meetings = [list(o.steps) for o in problem.objectives if o.feature.name == "relative_pose"]
+    assert sorted(meetings) == [[3], [11], [11]]
+    assert "'stable left block' (phases 3 to 4)" in repr(skeleton)
 
 
 def test_what_hangs_on_itself_is_bad_input(workspace):
@@ -261,6 +338,31 @@ def test_a_touching_hand_may_be_as_near_as_its_contact(workspace):
     ((margin,),) = margins(problem, "left/panda_leftfinger", "brick").values()
     assert -TOUCH_ALLOWANCE <= margin < 0.0
     assert margins(problem, "left/panda_hand", "brick") == {0: [OBJECT_CLEARANCE]}
+
+
+def test_a_tool_may_touch_what_it_pushes(tmp_path):
+    bodies = [("box", (0.1, 0.1, 0.1), (0.55, 0.3, 0.05))]
+    world = scene(tmp_path, [], bodies, tools=[("stick", (0.04, 0.35, 0.04), (0.45, -0.15, 0.02))])
+    held = contact(ContactKind.GRASP, DOWN, (1, 0, 0), (0, -0.1, 0.01), 0.04)
+    entries = [
+        entry(1, 3, "stable", "arm", "stick", target=held),
+        entry(2, 3, "stable", "stick", "box", target=pose((0.0, -0.225, -0.02))),
+    ]
+    problem = SkeletonProblem(Skeleton(entries), Workspace(world), 4)
+    # apart where they meet; then rigid, as both hang on the hand
+    assert margins(problem, "stick", "box") == {1: [-TOUCH_ALLOWANCE]}
+    assert margins(problem, "arm/panda_hand", "box") == {0: [OBJECT_CLEARANCE], 1: [OBJECT_CLEARANCE]}
+    poses = problem.object_poses(np.tile(problem.workspace.start, (12, 1)))
+    assert max(distance(multiply(inverse(poses["box"][-1]), poses["stick"][-1]), pose((0.0, -0.225, -0.02)))) < 1e-9
+
+
+def test_shapes_may_be_replaced(workspace):
+    whole = workspace.shapes["brick"]
+    small = replace(whole, vertices=0.5 * whole.vertices, center=0.5 * whole.center, bound=0.5 * whole.bound)
+    other = Workspace(workspace.scene, robots=["left"], shapes={"brick": small})
+    skeleton = Skeleton(pick_and_place("left", GOAL, grasp()))
+    # half as large it hangs in the air where it is taken
+    assert margins(SkeletonProblem(skeleton, other, 4), "brick", "table") == {1: [HELD_CLEARANCE]}
 
 
 def test_fingers_are_open_before_a_grasp_and_after_it(workspace):

@@ -125,7 +125,11 @@ class Lagrangian:
         add(Objective(relative_position(tip, (0, 0, 0.1), (0.3, 0.2, 0.4), 2), ObjectiveType.INEQ, range(7), scale=3.0))
         add(Objective(axis_alignment(tip, (0, 0, 1), (0, 0, -1)), ObjectiveType.SOS, range(7), scale=5.0))
         add(Objective(joint_position(np.zeros(self.n)), ObjectiveType.SOS, [4], scale=0.5))
-        add(Objective(relative_position(tip, (0, 0, 0), (0, 0, 0)), ObjectiveType.EQ, range(7), order=1, target=(0, 0, 1)))
+        add(
+            Objective(
+                relative_position(tip, (0, 0, 0), (0, 0, 0)), ObjectiveType.EQ, range(7), order=1, target=(0, 0, 1)
+            )
+        )
         add(Objective(axis_alignment(tip, (1, 0, 0), (0, 0, -1)), ObjectiveType.SOS, [0, 1, 5], order=2, scale=4.0))
         add(Objective(joint_position(np.zeros(self.n)), ObjectiveType.INEQ, [0, 1, 2, 6], order=1))
         self.problem.tau = 0.5
@@ -142,12 +146,16 @@ class Lagrangian:
         return new_scratch(self)
 
     def evaluate(self, X, scratch=None):
-        H, G = np.zeros((X.size, 3 * self.n + PADDING)), np.zeros(X.size)
+        """(merit, cost, worst equality, worst inequality, gradient, Hessian as the solver stores it)."""
+        path = np.ascontiguousarray(X.reshape(self.T, self.n))
+        model = solver.new_model(self.T, self.n, self.terms, self.cols, self.samples)
         found = solver._evaluate(
-            np.ascontiguousarray(X.reshape(self.T, self.n)), self.prefix, self.problem.chain, self.terms, self.cols,
-            self.samples, self.problem.options.pack(), self.multipliers, H, G, scratch or self.scratch(),
+            path, self.prefix, self.problem.chain, self.terms, self.cols, self.samples, self.problem.options.pack(),
+            self.multipliers, model, scratch or self.scratch(),
         )  # fmt: skip
-        return *found, G, H
+        H, b = np.zeros((X.size, 3 * self.n + PADDING)), np.zeros(X.size)
+        solver._assemble(path, self.prefix, self.problem.chain, self.multipliers, model, np.zeros(X.size), H, b)
+        return *found, -b, H
 
 
 def new_scratch(of):
@@ -200,7 +208,7 @@ def test_collisions_between_the_steps_are_seen():
         structure = world.chain, problem.terms(), problem.arrays(), problem.samples()
         found[substeps] = solver._evaluate(
             X, prefix, *structure, problem.options.pack(), solver.new_multipliers(2, 7, *structure[1:], 10.0),
-            np.zeros((14, 21 + PADDING)), np.zeros(14), solver.new_scratch(2, 7, *structure, prefix),
+            solver.new_model(2, 7, *structure[1:]), solver.new_scratch(2, 7, *structure, prefix),
         )[3]  # fmt: skip
     assert found[1] <= 0.0 < 0.02 < found[2]
 

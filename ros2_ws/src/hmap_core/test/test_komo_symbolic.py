@@ -7,10 +7,11 @@ import casadi
 import numpy as np
 import pytest
 from core_fixtures import model, no_collisions, random_pose
-from test_komo_features import configurations, differences, evaluate
+from komo_fixtures import assert_derivative, configurations, evaluate
 
 from hmap_core.exceptions import InputError
 from hmap_core.komo.features import above, relative_position, symbolic_feature
+from hmap_core.komo.features.base import MAX_DIM
 from hmap_core.komo.features.symbolic import find_compiler, library, symbolic_map
 from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.transcription import IK_OPTIONS, KomoProblem
@@ -52,8 +53,7 @@ def test_jacobians_are_the_derivatives(names, use_compiler):
     ]
     for q in configurations(world.chain, rng):
         for feature in features:
-            _, J = evaluate(feature, world.chain, q)
-            np.testing.assert_allclose(J, differences(feature, world.chain, q), atol=2e-6, err_msg=feature.name)
+            assert_derivative(feature, world.chain, q, 1e-7)  # the third derivatives of ``three_frames`` are large
 
 
 def test_it_equals_the_feature_written_by_hand(use_compiler):
@@ -165,11 +165,30 @@ def test_a_compiler_that_fails_is_done_without(tmp_path, monkeypatch):
     assert not made.compiled and not list(tmp_path.rglob("*.so"))
 
 
+def test_where_there_is_no_compiler_it_works_without(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setenv("CC", "no-such-compiler")
+    assert find_compiler() is None
+    world = model("panda")
+    without = above(7, pose(), 0.05, pose(), (0.2, 0.1))
+    monkeypatch.undo()
+    for feature, other in zip(without, above(7, pose(), 0.05, pose(), (0.2, 0.1)), strict=True):
+        for ours, theirs in zip(*(evaluate(f, world.chain, np.full(7, 0.3)) for f in (feature, other)), strict=True):
+            np.testing.assert_allclose(ours, theirs, atol=1e-12)
+
+
+def test_a_compiler_is_asked_for_where_the_user_says(tmp_path, monkeypatch):
+    mine = tmp_path / "mycc"
+    mine.touch(mode=0o755)
+    monkeypatch.setenv("CC", str(mine))
+    assert find_compiler() == str(mine)
+
+
 def test_too_much_is_refused():
     with pytest.raises(InputError, match="4 frames; allowed: 1 to 3"):
         symbolic_feature("too wide", three_frames, (1, 2, 3, 4))
-    with pytest.raises(InputError, match="17 components; allowed: 1 to 16"):
-        symbolic_feature("too long", lambda frames, params: casadi.repmat(frames[0].position[0], 17, 1), (1,))
+    with pytest.raises(InputError, match=f"{MAX_DIM + 1} components; allowed: 1 to {MAX_DIM}"):
+        symbolic_feature("too long", lambda frames, params: casadi.repmat(frames[0].position[0], MAX_DIM + 1, 1), (1,))
 
 
 def test_constants_have_no_slope(use_compiler):

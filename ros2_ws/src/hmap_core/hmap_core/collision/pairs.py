@@ -11,15 +11,57 @@ BEYOND = 1e3  # m: what a pair that is far apart reports
 @nb.njit(**OPTIONS)
 def place_centers(cols, R, p, centers):
     """World centres (S, 3) of the bounding spheres."""
-    for s in range(cols.frame.shape[0]):
-        f = cols.frame[s]
+    frame, center = cols.frame, cols.center
+    for s in range(frame.shape[0]):
+        f = frame[s]
+        c0, c1, c2 = center[s, 0], center[s, 1], center[s, 2]
         for x in range(3):
-            centers[s, x] = (
-                p[f, x]
-                + R[f, x, 0] * cols.center[s, 0]
-                + R[f, x, 1] * cols.center[s, 1]
-                + R[f, x, 2] * cols.center[s, 2]
-            )
+            centers[s, x] = p[f, x] + R[f, x, 0] * c0 + R[f, x, 1] * c1 + R[f, x, 2] * c2
+
+
+@nb.njit(**OPTIONS)
+def move_on(cols, R, p, centers, turned, moved, slack):
+    """Places the shapes at new frames, and takes what they may have come nearer by off the slack of each pair.
+
+    No point of a shape moves farther than its bounding sphere's centre, plus the sphere's radius times the norm of the
+    difference of the rotations.
+
+    Args:
+        R, p: frames (F, 3, 3), (F, 3).
+        centers: (S, 3) in and out; turned: (F, 3, 3) in and out: the rotations that ``centers`` belongs to.
+        moved: (S,) scratch.
+        slack: (P,) in and out, metres.
+    """
+    frame, center, bound = cols.frame, cols.center, cols.bound
+    last = -1
+    turn = 0.0
+    for s in range(frame.shape[0]):
+        f = frame[s]
+        if f == 0:
+            moved[s] = 0.0
+            continue
+        if f != last:
+            last = f
+            turn = 0.0
+            for x in range(3):
+                for y in range(3):
+                    difference = R[f, x, y] - turned[f, x, y]
+                    turn += difference * difference
+            turn = np.sqrt(0.5 * turn)
+        c0, c1, c2 = center[s, 0], center[s, 1], center[s, 2]
+        square = 0.0
+        for x in range(3):
+            value = p[f, x] + R[f, x, 0] * c0 + R[f, x, 1] * c1 + R[f, x, 2] * c2
+            square += (value - centers[s, x]) ** 2
+            centers[s, x] = value
+        moved[s] = np.sqrt(square) + turn * bound[s]
+    for f in range(1, R.shape[0]):
+        for x in range(3):
+            for y in range(3):
+                turned[f, x, y] = R[f, x, y]
+    a, b = cols.a, cols.b
+    for k in range(a.shape[0]):
+        slack[k] -= moved[a[k]] + moved[b[k]]
 
 
 @nb.njit(**OPTIONS)

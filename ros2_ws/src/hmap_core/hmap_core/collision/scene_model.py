@@ -14,7 +14,7 @@ from hmap_core.collision.edges import NO_EDGES
 #   frame (S,): frame that carries it; a, b (P,): shapes of a pair; margin (P,): m; phases (P,): bit k set = in phase k
 #   speed (S,): how much farther than the chain's reach says a point of the shape may move; 0 in the world frame
 #   edges, edge (S+1,): hull edges of shape s are edges[edge[s]:edge[s+1]], see hmap_core.collision.edges
-#   closing (P,): how much nearer the shapes of a pair may come per metre that the chain's reach says
+#   closing (P,): how far both shapes of a pair together may move per metre that the chain's reach says
 Collisions = namedtuple(
     "Collisions", "vertices start radius center bound low high frame a b margin phases speed edges edge closing"
 )
@@ -97,8 +97,7 @@ class CollisionModel:
             low - radius[:, None], high + radius[:, None], np.array(self.frames, np.int64),
             a, b, np.array(margin, float), np.array(phases, np.int64), speed,
             np.concatenate([NO_EDGES, *edges]), np.cumsum([0, *(len(e) for e in edges)]).astype(np.int64),
-            # the chain's reach sums over all joints, so it bounds the motion of one shape as seen from another too
-            np.maximum(np.maximum(speed[a], speed[b]), LEAST_SPEED),
+            np.maximum(speed[a] + speed[b], LEAST_SPEED),
         )  # fmt: skip
 
     def pair_name(self, pair: int) -> tuple[str, str]:

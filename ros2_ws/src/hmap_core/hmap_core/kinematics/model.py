@@ -1,11 +1,15 @@
-"""One or more arms in the world as one chain of joints: the variables of an optimisation problem."""
+"""Arms and free bodies in the world as one chain of joints: the variables of an optimisation problem."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from hmap_core.exceptions import Code, InputError
 from hmap_core.kinematics.arm import Arm
+from hmap_core.kinematics.branch import Branch
 from hmap_core.kinematics.chain import Chain
+from hmap_core.kinematics.free_body import FreeBody
 from hmap_core.transforms import from_matrix, to_matrix
 
 LIMIT_MARGIN = 0.02  # rad or m kept from the joint limits, for the curve between the steps of a path
@@ -19,49 +23,72 @@ class PlacedArm:
     arm: Arm
     T_world_base: np.ndarray  # (7,)
 
+    def branch(self) -> Branch:
+        """Its joints as a :class:`KinematicModel` takes them, LIMIT_MARGIN within their limits."""
+        base = to_matrix(self.T_world_base)
+        R, p = self.arm.R_joint.copy(), self.arm.p_joint.copy()
+        R[0], p[0] = base[:3, :3] @ R[0], base[:3, :3] @ p[0] + base[:3, 3]
+        lower, upper = self.arm.model.position_limits
+        return Branch(
+            R, p, self.arm.prismatic, lower + LIMIT_MARGIN, upper - LIMIT_MARGIN, self.arm.reach(),
+            from_matrix(self.arm.T_tip_ee),
+        )  # fmt: skip
+
 
 class KinematicModel:
-    """Arms side by side: frame 0 is the world, joints of all arms are numbered through, frame i + 1 follows joint i."""
+    """Arms and free bodies side by side.
 
-    def __init__(self, arms: list[PlacedArm]):
-        self.arms = {placed.name: placed for placed in arms}
-        self.offset = {}
-        parent, first, R, p = [], [0], [], []
-        n = 0
-        for placed in arms:
-            self.offset[placed.name] = n
-            base = to_matrix(placed.T_world_base)
-            for k in range(placed.arm.n):
-                T = np.eye(4)
-                T[:3, :3], T[:3, 3] = placed.arm.R_joint[k], placed.arm.p_joint[k]
-                if k == 0:
-                    T = base @ T
-                R.append(T[:3, :3])
-                p.append(T[:3, 3])
-                parent.append(0 if k == 0 else n + k)
-                first.append(n)
-            n += placed.arm.n
-        self.n = n
-        limits = [placed.arm.model.position_limits for placed in arms]
+    Frame 0 is the world, the joints of all are numbered through in the order given, frame i + 1 follows joint i.
+
+    Args:
+        parts: arms and free bodies, at least one.
+
+    Attributes:
+        arms, bodies: the arms and the free bodies by name.
+        offset: first joint of each, by name.
+        n: number of joints.
+        chain: the joints as the compiled code takes them.
+
+    Raises:
+        InputError: no part, or two of one name.
+    """
+
+    def __init__(self, parts: Sequence[PlacedArm | FreeBody]):
+        names = [part.name for part in parts]
+        if not names or len(set(names)) < len(names):
+            raise InputError(
+                f"parts {names} of a kinematic model; allowed: one or more, each name once", Code.INVALID_SCENE
+            )
+        self.arms = {part.name: part for part in parts if isinstance(part, PlacedArm)}
+        self.bodies = {part.name: part for part in parts if isinstance(part, FreeBody)}
+        self._branches = {part.name: part.branch() for part in parts}
+        self.offset, self.n = {}, 0
+        parent, first = [], [0]
+        for name, branch in self._branches.items():
+            count = len(branch.prismatic)
+            self.offset[name] = self.n
+            parent += [0, *range(self.n + 1, self.n + count)]
+            first += [self.n] * count
+            self.n += count
+        joined = lambda field: np.concatenate([getattr(b, field) for b in self._branches.values()])  # noqa: E731
         self.chain = Chain(
-            np.array(parent, np.int64),
-            np.ascontiguousarray(R),
-            np.ascontiguousarray(p),
-            np.concatenate([placed.arm.prismatic for placed in arms]),
-            np.array(first, np.int64),
-            np.concatenate([limit[0] + LIMIT_MARGIN for limit in limits]),
-            np.concatenate([limit[1] - LIMIT_MARGIN for limit in limits]),
-            np.concatenate([placed.arm.reach() for placed in arms]),
-        )
+            np.array(parent, np.int64), joined("R_joint"), joined("p_joint"), joined("prismatic"),
+            np.array(first, np.int64), joined("lower"), joined("upper"), joined("reach"),
+        )  # fmt: skip
+
+    def joints(self, name: str) -> slice:
+        """Where the joints of an arm or the coordinates of a free body are in a configuration."""
+        begin = self.offset[name]
+        return slice(begin, begin + len(self._branches[name].prismatic))
 
     def frame(self, name: str, local: int) -> int:
-        """Number of an arm's own frame (0 = its base, which is fixed in the world)."""
+        """Number of a part's own frame (0 = its base, which is fixed in the world)."""
         return 0 if local == 0 else self.offset[name] + local
 
     def tip(self, name: str) -> int:
-        """Frame after the last joint of an arm."""
-        return self.offset[name] + self.arms[name].arm.n
+        """Frame after the last joint of a part."""
+        return self.joints(name).stop
 
     def T_tip_ee(self, name: str) -> np.ndarray:
-        """End-effector frame (7,) in the tip frame."""
-        return from_matrix(self.arms[name].arm.T_tip_ee)
+        """What a part ends with, (7,) in the tip frame: an arm's end-effector, or a free body."""
+        return self._branches[name].T_tip_end

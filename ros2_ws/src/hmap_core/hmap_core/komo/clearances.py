@@ -6,6 +6,7 @@ it; a carried object may be as near to what stands around as it is where it is t
 support touches it.
 """
 
+import math
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -54,14 +55,18 @@ class Clearances:
 
     def __init__(self, timeline: Timeline):
         self._timeline, self._workspace, self._skeleton = timeline, timeline.workspace, timeline.skeleton
-        self._contacts = self._skeleton.of(Symbol.TOUCH, Symbol.STABLE)
-        self._above = {e.frames: mask(_inside(e)) for e in self._skeleton.of(Symbol.ABOVE)}
-
+        self._above = {e.frames for e in self._skeleton.of(Symbol.ABOVE)}
+        # contacts of a manipulator with an object, and the phases around them
+        self._near: dict[tuple[str, ...], list[tuple[SkeletonEntry, int]]] = defaultdict(list)
+        for entry in self._skeleton.of(Symbol.TOUCH, Symbol.STABLE):
+            self._near[entry.frames].append((entry, mask(_around(entry, self._skeleton.phases))))
         self.openings = tuple((name, self._openings(name)) for name in self._workspace.robots)
         self._around = self._workspace.surroundings(frozenset(timeline.handled), self.openings)
 
     def model(self) -> CollisionModel:
         """The shapes and pairs of all phases."""
+        if not self._timeline.handled:
+            return self._around.model
         model = GrownModel(self._around.model)
         stays: list[_Stay] = []
         for body in self._timeline.handled:
@@ -78,7 +83,7 @@ class Clearances:
         """The openings of a gripper (m), each with the bit mask of the phases in which it has it."""
         robot = self._workspace.scene.robots[name]
         contacts = []  # first phase, last, while in contact, before and after
-        for entry in self._contacts:
+        for entry in self._skeleton.of(Symbol.TOUCH, Symbol.STABLE):
             contact = self._skeleton.contact(entry)
             if entry.frames[0] == name and isinstance(contact, ContactPoint):
                 contacts.append((entry.phase0, entry.phase1, contact.opening, free_opening(robot, contact)))
@@ -115,11 +120,6 @@ class Clearances:
             for target in ([e.target] if e.target.ndim == 1 else e.target[[0, -1]])
         ]
 
-    def _near(self, manipulator: str, name: str) -> list[tuple[SkeletonEntry, int]]:
-        """Contacts of a manipulator with an object, and the phases around them."""
-        frames = manipulator, name
-        return [(e, mask(_around(e, self._skeleton.phases))) for e in self._contacts if e.frames == frames]
-
     def _keep_robots_away(self, model: CollisionModel, stay: _Stay) -> None:
         for name, arm in self._around.arms.items():
             upper = arm.upper + (arm.base if stay.place.frame > 0 else ())
@@ -133,7 +133,7 @@ class Clearances:
     def _keep_hand_away(self, model: CollisionModel, robot: str, stay: _Stay, part: Part) -> None:
         """Keeps a part of a hand away from a body, around its contacts as near as these have it."""
         left = part.phases & stay.phases
-        for entry, around in self._near(robot, stay.name):
+        for entry, around in self._near.get((robot, stay.name), ()):
             phases = left & around
             left &= ~around
             if phases:
@@ -157,15 +157,12 @@ class Clearances:
         nearest = self._nearest(stay)
         far: list[int] = []
         for name, shapes in self._around.standing.items():
-            touching = self._above.get((stay.name, name), 0) & stay.phases
-            if not touching and name not in nearest:
+            if (stay.name, name) in self._above:
+                model.keep_apart(stay.shapes, shapes, -TOUCH_ALLOWANCE, stay.phases)
+            elif name in nearest:
+                model.keep_apart(stay.shapes, shapes, lowered(HELD_CLEARANCE, nearest[name]), stay.phases)
+            else:
                 far += shapes
-                continue
-            if touching:
-                model.keep_apart(stay.shapes, shapes, -TOUCH_ALLOWANCE, touching)
-            if stay.phases & ~touching:
-                margin = lowered(HELD_CLEARANCE, nearest.get(name, np.inf))
-                model.keep_apart(stay.shapes, shapes, margin, stay.phases & ~touching)
         model.keep_apart(stay.shapes, far, HELD_CLEARANCE, stay.phases)
 
     def _nearest(self, stay: _Stay) -> dict[str, float]:
@@ -186,12 +183,11 @@ class Clearances:
         left = a.phases & b.phases
         if a.name == b.name or not left or a.place.frame == b.place.frame:
             return
+        if (a.name, b.name) in self._above or (b.name, a.name) in self._above:
+            model.keep_apart(a.shapes, b.shapes, -TOUCH_ALLOWANCE, left)
+            return
         for one, other in ((a, b), (b, a)):
-            touching = self._above.get((one.name, other.name), 0)
-            if left & touching:
-                model.keep_apart(a.shapes, b.shapes, -TOUCH_ALLOWANCE, left & touching)
-                left &= ~touching
-            for entry, around in self._near(one.name, other.name):
+            for entry, around in self._near.get((one.name, other.name), ()):
                 if left & around:
                     d = self._apart(other.name, IDENTITY, one.name, self._timeline.T_obj_manipulator(entry))
                     model.keep_apart(a.shapes, b.shapes, lowered(HELD_CLEARANCE, d), left & around)
@@ -207,9 +203,4 @@ class Clearances:
 
 def _around(entry: SkeletonEntry, phases: int) -> range:
     """The phases that share an instant with an entry."""
-    return range(max(0, int(np.ceil(entry.phase0)) - 1), min(phases, int(np.floor(entry.phase1)) + 1))
-
-
-def _inside(entry: SkeletonEntry) -> range:
-    """The phases that an entry reaches into."""
-    return range(int(np.floor(entry.phase0)), int(np.ceil(entry.phase1)))
+    return range(max(0, math.ceil(entry.phase0) - 1), min(phases, math.floor(entry.phase1) + 1))

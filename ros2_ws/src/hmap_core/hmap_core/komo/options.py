@@ -18,7 +18,10 @@ class SolverOptions:
         step_tolerance, gain_tolerance: a Newton round ends below this step (rad) or this relative decrease.
         acceleration, velocity: weights of the squared second and first differences of the path.
         substeps: collision samples per interval; 2 looks at the step and half-way to it.
-        activity: pairs farther apart than their margin plus this are not measured exactly, m.
+        activity: pairs nearer than their margin plus this are looked at together with those that are violated, so that
+            a step does not run into them, m.
+        coarse, coarse_activity, coarse_tolerance: a path is solved first with about so many collision samples, with
+            this activity (m), to this tolerance (m, rad); 0 samples: not.
         refinements: how often samples are added where a solved path comes too near between them.
     """
 
@@ -29,14 +32,17 @@ class SolverOptions:
     outer: int = 20
     inner: int = 10
     iterations: int = 120
-    max_step: float = 0.3
+    max_step: float = 0.5
     damping: float = 1e-3
     step_tolerance: float = 5e-3
-    gain_tolerance: float = 1e-3
+    gain_tolerance: float = 2e-2
     acceleration: float = 1.0
     velocity: float = 0.0
     substeps: int = 2
     activity: float = 0.01
+    coarse: int = 20
+    coarse_activity: float = 0.08
+    coarse_tolerance: float = 2e-3
     refinements: int = 4
 
     def pack(self) -> Options:
@@ -47,5 +53,5 @@ class SolverOptions:
 # One configuration instead of a path: stays near its prefix, converges to the numerical floor.
 IK_OPTIONS = SolverOptions(
     mu=10.0, mu_growth=5.0, tolerance=2e-5, outer=12, inner=20, iterations=60, max_step=0.5, damping=1e-4,
-    step_tolerance=1e-3, acceleration=0.02, substeps=1,
+    step_tolerance=1e-3, gain_tolerance=1e-3, acceleration=0.02, substeps=1, coarse=0,
 )  # fmt: skip

@@ -3,7 +3,7 @@
 ``Skeleton([SkeletonEntry(1, 1, "touch", ("panda", "box"), contact), SkeletonEntry(1, 2, "stable", ("panda", "box")),
 SkeletonEntry(2, 2, "pose_eq", ("box",), goal)])`` is a pick and place: the first phase ends where the hand touches the
 box, which from then on hangs on the hand, and the second phase ends with the box at its goal. The text of a skeleton is
-checked here; :mod:`hmap_core.komo.transcription_of_skeletons` makes a :class:`KomoProblem` of it.
+checked here; :mod:`hmap_core.komo.skeleton_problem` makes a ``KomoProblem`` of it.
 
 The vocabulary is that of Toussaint, Logic-Geometric Programming, 2015, and of RAI's ``KOMO/skeleton.h``.
 """
@@ -30,7 +30,7 @@ class Symbol(StrEnum):
     POSE_EQ = "pose_eq"  # (frame[, reference]): its pose (7,) there, or one per step (S, 7)
     POSITION_EQ = "position_eq"  # (frame[, reference]): its position (3,) there, or one per step (S, 3)
     ABOVE = "above"  # (object, support): stands upright on the support's top, not beyond its edges
-    HOME = "home"  # (robot, ...): joints (n,) of these robots, by default their home postures
+    HOME = "home"  # (robot, ...), all that move: their joints (n,), by default the home postures
 
 
 FRAMES = {
@@ -76,6 +76,10 @@ class SkeletonEntry:
             self.reject(f"phases must rise, from 0 to at most {MAX_PHASES}")
         if self.symbol in COLUMNS:
             self._check_target(COLUMNS[self.symbol])
+        elif self.symbol in (Symbol.TOUCH, Symbol.STABLE) and not isinstance(self.target, ContactPoint | None):
+            self._check_target(COLUMNS[Symbol.POSE_EQ])
+            if self.target.ndim > 1:
+                self.reject("its target must be one contact")
 
     def _check_target(self, columns: int) -> None:
         rows = np.asarray(self.target if self.target is not None else np.nan, float)
@@ -125,6 +129,15 @@ class Skeleton:
             if entry.phase1 == 0.0:
                 entry.reject("the start is given; phase 1 is the end of the first phase")
         self._held = self._holds()
+        self._contacts = {id(e): self._contact(e) for e in self.of(Symbol.TOUCH, Symbol.STABLE)}
+
+    def then(self, other: "Skeleton") -> "Skeleton":
+        """This skeleton, and after its last phase another one."""
+        later = [
+            SkeletonEntry(e.phase0 + self.phases, e.phase1 + self.phases, e.symbol, e.frames, e.target)
+            for e in other.entries
+        ]
+        return Skeleton([*self.entries, *later])
 
     def of(self, *symbols: Symbol) -> list[SkeletonEntry]:
         """The entries of some symbols, in their order."""
@@ -136,6 +149,9 @@ class Skeleton:
 
     def contact(self, entry: SkeletonEntry) -> ContactPoint | np.ndarray | None:
         """What a touch or stable entry has the manipulator hold on to; for stable also from the touch before it."""
+        return self._contacts[id(entry)]
+
+    def _contact(self, entry: SkeletonEntry) -> ContactPoint | np.ndarray | None:
         if entry.target is not None:
             return entry.target
         for touch in self.of(Symbol.TOUCH):

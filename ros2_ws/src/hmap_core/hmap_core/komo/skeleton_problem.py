@@ -1,6 +1,6 @@
 """From a skeleton in a workspace to the KOMO problem of its path."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -13,7 +13,7 @@ from hmap_core.komo.skeleton import Skeleton, SkeletonEntry, Symbol
 from hmap_core.komo.timeline import Place, Timeline
 from hmap_core.komo.transcription import KomoProblem, SolverOptions
 from hmap_core.komo.workspace import Workspace
-from hmap_core.transforms import IDENTITY, apply, multiply, multiply_all, pose, rotation_matrix
+from hmap_core.transforms import IDENTITY, apply, consistent, multiply, multiply_all, pose, rotation_matrix
 
 
 class SkeletonProblem(KomoProblem):
@@ -78,30 +78,32 @@ class SkeletonProblem(KomoProblem):
     # --- objectives
 
     def _add_touch(self, entry: SkeletonEntry) -> None:
-        """The manipulator at its contact with the object, where this is not on it already."""
-        manipulator, name = entry.frames
-        T_contact = self.timeline.T_obj_manipulator(entry)
-        met: dict[tuple[int, int], tuple[Place, Place, list[int]]] = {}
-        for step in self.steps_of(entry):
-            phase = int(self._phase[step])
-            holder = self.skeleton.holding(name, phase)
-            if holder is None or holder.frames[0] != manipulator:
-                hand, touched = self.timeline.place(manipulator, phase), self.timeline.place(name, phase)
-                if hand.frame == touched.frame:
-                    entry.reject(f"nothing moves '{manipulator}' against '{name}' in phase {phase + 1}")
-                met.setdefault((id(hand), id(touched)), (hand, touched, []))[2].append(step)
-        for hand, touched, steps in met.values():
-            feature = relative_pose(hand.frame, hand.T, multiply(touched.T, T_contact), touched.frame)
-            self.add(Objective(feature, ObjectiveType.EQ, steps))
+        self._meet(entry, self.steps_of(entry))
 
     def _add_stable(self, entry: SkeletonEntry) -> None:
         """The mode switch: where the object was before, the manipulator meets it."""
-        touched = any(
-            e.frames == entry.frames and e.phase0 <= entry.phase0 <= e.phase1 for e in self.skeleton.of(Symbol.TOUCH)
-        )
-        if entry.phase0 > 0 and not touched:
-            meeting = SkeletonEntry(entry.phase0, entry.phase0, Symbol.TOUCH, entry.frames, entry.target)
-            self._add_touch(meeting)
+        touches = (e for e in self.skeleton.of(Symbol.TOUCH) if e.frames == entry.frames)
+        if entry.phase0 > 0 and not any(e.phase0 <= entry.phase0 <= e.phase1 for e in touches):
+            self._meet(entry, [self.step(entry.phase0)])
+
+    def _meet(self, entry: SkeletonEntry, steps: Iterable[int]) -> None:
+        """The manipulator at its contact with the object, at the steps at which this does not hang on it so already."""
+        manipulator, name = entry.frames
+        T_contact = self.timeline.T_obj_manipulator(entry)
+        met: dict[tuple[int, int], tuple[Place, Place, list[int]]] = {}
+        for step in steps:
+            phase = int(self._phase[step])
+            holder = self.skeleton.holding(name, phase)
+            if holder is not None and holder.frames == entry.frames:
+                if np.allclose(T_contact, self.timeline.T_obj_manipulator(holder)):
+                    continue
+            hand, touched = self.timeline.place(manipulator, phase), self.timeline.place(name, phase)
+            if hand.frame == touched.frame:
+                entry.reject(f"nothing moves '{manipulator}' against '{name}' in phase {phase + 1}")
+            met.setdefault((id(hand), id(touched)), (hand, touched, []))[2].append(step)
+        for hand, touched, steps in met.values():
+            feature = relative_pose(hand.frame, hand.T, multiply(touched.T, T_contact), touched.frame)
+            self.add(Objective(feature, ObjectiveType.EQ, steps))
 
     def _add_pose(self, entry: SkeletonEntry) -> None:
         rows = self._rows(entry)
@@ -172,7 +174,8 @@ class SkeletonProblem(KomoProblem):
             for place, phases in self.timeline.runs(name):
                 span = slice(self.step(phases.start) + 1, self.step(phases.stop) + 1)
                 poses[span] = place.T_ee if place.robot is None else multiply_all(hands[place.robot][span], place.T_ee)
-            found[name] = consistent(poses, self.workspace.state.poses[name])
+            first = self.workspace.state.poses[name]
+            found[name] = consistent(np.concatenate([first[None], poses]))[1:]
         return found
 
 
@@ -193,11 +196,3 @@ def _top(shapes) -> tuple[np.ndarray, np.ndarray]:
     height = (shapes.vertices[:, 2] + radius).max()
     low, high = shapes.vertices[:, :2].min(0), shapes.vertices[:, :2].max(0)
     return np.array([*(low + high) / 2, height]), (high - low) / 2
-
-
-def consistent(poses: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """The same poses (T, 7) with each quaternion on the side of the one before, the first on that of ``first``."""
-    quaternions = np.concatenate([first[None, 3:], poses[:, 3:]])
-    turned = np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1]) < 0.0
-    sign = np.where(np.cumsum(turned) % 2, -1.0, 1.0)
-    return np.concatenate([poses[:, :3], poses[:, 3:] * sign[:, None]], axis=1)

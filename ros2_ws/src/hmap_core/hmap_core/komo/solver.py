@@ -12,18 +12,26 @@ convergence asks the worst component, in metres and radians, never a sum.
 import numba as nb
 import numpy as np
 
-from hmap_core.collision.gjk import OPTIONS
-from hmap_core.collision.pairs import BEYOND, pair_distance, place_centers
+from hmap_core.collision.gjk import OPTIONS, WORK
+from hmap_core.collision.pairs import BEYOND, move_on, pair_distance, place_centers
 from hmap_core.kinematics.tree import forward, point_jacobian
-from hmap_core.komo.arrays import Multipliers, Scratch, Terms
+from hmap_core.komo.arrays import Model, Multipliers, Scratch, Terms
 from hmap_core.komo.banded import PADDING, cholesky_solve
 from hmap_core.komo.features.base import MAX_DIM, call_kernel
 
-SOS, EQ, INEQ = 0, 1, 2
+SOS, EQ, INEQ, BAND = 0, 1, 2, 3  # a band is an equality that may be missed by a little, as between steps
 MAX_ORDER = 2
+MODEL_ROUNDS = 6  # systems solved for one step, at most
+# shares of what the slope promises (a quadratic gives half) below which a step is refused, the next one is damped
+# more, and above which it is damped less
+LEAST_GAIN, POOR_GAIN, GOOD_GAIN = 0.01, 0.15, 0.35
+TRIES = 10  # steps tried from one path, with more and more damping
 NO_NUMBER = 1e300  # a merit that is not below this is no number: some target or parameter is none
-LOOK_AHEAD = 0.05  # m beyond its margin to which a pair's distance is found, so that it can be left alone for a while
-NEVER = BEYOND * BEYOND  # in Scratch.until: a travel that is not reached
+ENOUGH = 0.25  # share of the last round's violation from which the penalty is left as it is
+LOOK_AHEAD = (
+    0.02  # m beyond where it matters to which a pair's distance is found, so that it can be left alone for a while
+)
+NEVER = BEYOND * BEYOND  # slack (m) of pairs that a phase does not ask for
 
 
 @nb.njit(**OPTIONS)
@@ -37,7 +45,7 @@ def new_multipliers(T, n, terms, cols, samples, mu):
 
 @nb.njit(**OPTIONS)
 def new_scratch(T, n, chain, terms, cols, samples, prefix):
-    """Scratch for a problem of T steps; pairs that a sample's phases do not ask for are never looked at."""
+    """Scratch for a problem of T steps."""
     P, S = cols.a.shape[0], samples.alpha.shape[0]
     order = 0
     for m in range(terms.order.shape[0]):
@@ -47,16 +55,25 @@ def new_scratch(T, n, chain, terms, cols, samples, prefix):
     if order > 0:
         for k in range(MAX_ORDER):
             forward(prefix[k], chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R[k], p[k])
-    until, hints = np.empty((S, P)), np.empty((S, P, 9), np.int16)
-    for sample in range(S):
-        for k in range(P):
-            until[sample, k] = 0.0 if cols.phases[k] & samples.mask[sample] else NEVER
-            hints[sample, k, 0] = 0
+    shapes = cols.frame.shape[0]
     return Scratch(
-        R, p, np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3)), np.zeros((n, n)), np.zeros(n), np.zeros(n),
-        np.zeros((cols.frame.shape[0], 3)), hints, np.zeros((3, 3)), np.zeros((20, 3)),
-        np.zeros(MAX_DIM), np.zeros(MAX_DIM), np.zeros((MAX_DIM, n)), np.zeros((MAX_ORDER + 1, MAX_DIM, n)),
-        np.zeros(n), np.zeros(S), np.zeros((S, n)), until, np.zeros(S),
+        R, p, np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3)), np.zeros((n, n)), np.zeros(n),
+        np.zeros((3, 3)), np.zeros(WORK), np.zeros(MAX_DIM), np.zeros(MAX_DIM), np.zeros((MAX_DIM, n)),
+        np.zeros((MAX_ORDER + 1, MAX_DIM, n)), np.zeros(n), np.zeros((S, n)), np.zeros(S), np.zeros(S),
+        np.zeros(S, np.bool_), np.empty((S, shapes, 3)), np.empty((S, n + 1, 3, 3)), np.empty((S, P)),
+        np.empty((S, P, 9), np.int16), np.zeros(shapes),
+    )  # fmt: skip
+
+
+@nb.njit(**OPTIONS)
+def new_model(T, n, terms, cols, samples):
+    """Room for the model of a problem of T steps."""
+    M = samples.alpha.shape[0] * cols.a.shape[0] + 1
+    for m in range(terms.dim.shape[0]):
+        M += terms.dim[m]
+    return Model(
+        np.zeros((T * n, 3 * n + PADDING)), np.zeros(T * n), np.empty((M, n)), np.empty(M, np.int64), np.empty(M),
+        np.empty(M), np.empty(M), np.zeros(1, np.int64),
     )  # fmt: skip
 
 
@@ -102,73 +119,92 @@ def _visit(X, prefix, t, alpha, reach, sample, qs, seen, travel):
 
 
 @nb.njit(**OPTIONS)
-def _collide(cols, chain, s, sample, R, p, mu, lam, activity, update):
+def _begin(cols, s, sample, mask, R, p):
+    """What is known of a sample at first: what is known of the one before it, from which it is a small motion away."""
+    slack, phases = s.slack[sample], cols.phases
+    P = phases.shape[0]
+    before = sample - 1
+    if before < 0 or not s.known[before]:
+        place_centers(cols, R, p, s.centers[sample])
+        s.turned[sample] = R
+        for k in range(P):
+            slack[k] = 0.0 if phases[k] & mask else NEVER
+            s.hints[sample, k, 0] = 0
+    else:
+        s.centers[sample] = s.centers[before]
+        s.turned[sample] = s.turned[before]
+        s.hints[sample] = s.hints[before]
+        for k in range(P):
+            known = s.slack[before, k]
+            slack[k] = NEVER if phases[k] & mask == 0 else (known if known < 0.5 * NEVER else 0.0)
+    s.known[sample] = True
+
+
+@nb.njit(**OPTIONS)
+def _collide(cols, chain, s, sample, mask, t, alpha, R, p, mu, lam, activity, model, update):
     """Looks at the pairs of one sample with the frames (R, p).
 
-    Adds the collision terms to s.Hs, s.gs, or, with ``update``, the violations to the multipliers lam (P,).
-    Returns (penalty, worst violation).
+    Adds those nearer than their margin plus ``activity`` to the rows of the model, or, with ``update``, the violations
+    to the multipliers lam (P,). Returns (penalty, worst violation).
     """
-    n = s.gs.shape[0]
-    place_centers(cols, R, p, s.centers)
-    centers, until, hints, witness, row = s.centers, s.until[sample], s.hints[sample], s.witness, s.row
+    if not s.known[sample]:
+        _begin(cols, s, sample, mask, R, p)
+    centers, slack, hints, w = s.centers[sample], s.slack[sample], s.hints[sample], s.witness
+    move_on(cols, R, p, centers, s.turned[sample], s.moved, slack)
     A, B, margin, bound, closing = cols.a, cols.b, cols.margin, cols.bound, cols.closing
-    travel = s.travel[sample]
+    first, prismatic = chain.first, chain.prismatic
     penalty = 0.0
     worst = -BEYOND
-    wake = NEVER
+    rest = NEVER
     for k in range(A.shape[0]):
-        u = until[k]
-        if travel < u:
-            wake = min(wake, u)
-            continue
         pulls = lam[k] > 0.0
+        if slack[k] > 0.0 and not pulls:
+            rest = min(rest, slack[k] / closing[k])
+            continue
         a, b = A[k], B[k]
+        near = margin[k] + activity
         if not pulls:
             d0 = centers[a, 0] - centers[b, 0]
             d1 = centers[a, 1] - centers[b, 1]
             d2 = centers[a, 2] - centers[b, 2]
-            gap = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2) - bound[a] - bound[b] - margin[k]
-            if gap > activity:
-                until[k] = travel + gap / closing[k]
-                wake = min(wake, until[k])
+            gap = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2) - bound[a] - bound[b] - near
+            if gap > 0.0:
+                slack[k] = gap
+                rest = min(rest, gap / closing[k])
                 continue
-        cutoff = BEYOND if pulls else margin[k] + activity
-        d = pair_distance(cols, k, R, p, centers, cutoff, hints[k], witness, s.work)
+        d = pair_distance(cols, k, R, p, centers, BEYOND if pulls else near + LOOK_AHEAD, hints[k], w, s.work)
         c = margin[k] - d
         worst = max(worst, c)
         if update:
             lam[k] = max(0.0, lam[k] + mu * c)
             pulls = lam[k] > 0.0
-        until[k] = 0.0 if pulls else max(0.0, travel - c / closing[k])
-        wake = min(wake, until[k])
-        shifted = c + lam[k] / mu
-        if update or shifted <= 0.0:
+        slack[k] = d - near
+        rest = 0.0 if pulls else min(rest, max(0.0, d - near) / closing[k])
+        if update or (d > near and not pulls):
             continue
-        penalty += 0.5 * mu * shifted * shifted
+        m = model.count[0]
+        model.count[0] = m + 1
+        row = model.row[m]
         row[:] = 0.0
-        w = witness
         fa, fb = cols.frame[a], cols.frame[b]
-        first, prismatic = chain.first, chain.prismatic
         point_jacobian(R, p, first, prismatic, fa, w[1, 0], w[1, 1], w[1, 2], w[0, 0], w[0, 1], w[0, 2], -1.0, row)
         point_jacobian(R, p, first, prismatic, fb, w[2, 0], w[2, 1], w[2, 2], w[0, 0], w[0, 1], w[0, 2], 1.0, row)
-        for i in range(n):
-            if row[i] != 0.0:
-                m = mu * row[i]
-                s.gs[i] += m * shifted
-                for j in range(i + 1):
-                    s.Hs[i, j] += m * row[j]
-    s.wake[sample] = wake
+        shifted = c + lam[k] / mu
+        model.step[m], model.alpha[m], model.value[m], model.weight[m] = t, alpha, shifted, mu
+        if shifted > 0.0:
+            penalty += 0.5 * mu * shifted * shifted
+    s.wake[sample] = s.travel[sample] + rest
     return penalty, worst
 
 
 @nb.njit(**OPTIONS)
-def _call(terms, m, n, chain, s, index, q, r, J):
-    """Value r and Jacobian J of term m at the configuration q, whose frames are s.R[index], s.p[index]."""
+def _call(terms, m, n, chain, R, p, q, r, J):
+    """Value r and Jacobian J of term m at the configuration q with the frames (R, p)."""
     J[: terms.dim[m]] = 0.0
     call_kernel(
-        terms.kernel[m], n, s.R[index].ctypes.data, s.p[index].ctypes.data, chain.first.ctypes.data,
-        chain.prismatic.ctypes.data, q.ctypes.data, terms.frames[m].ctypes.data,
-        terms.params[terms.offset[m] :].ctypes.data, r.ctypes.data, J.ctypes.data,
+        terms.kernel[m], n, R.ctypes.data, p.ctypes.data, chain.first.ctypes.data, chain.prismatic.ctypes.data,
+        q.ctypes.data, terms.frames[m].ctypes.data, terms.params[terms.offset[m] :].ctypes.data, r.ctypes.data,
+        J.ctypes.data,
     )  # fmt: skip
 
 
@@ -183,7 +219,8 @@ def _value(X, prefix, t, m, chain, terms, s):
     for k in range(order + 1):
         step = t - k
         q = X[step] if step >= 0 else prefix[MAX_ORDER + step]
-        _call(terms, m, n, chain, s, step + MAX_ORDER, q, s.rk, s.Jk[k])
+        index = step + MAX_ORDER
+        _call(terms, m, n, chain, s.R[index], s.p[index], q, s.rk, s.Jk[k])
         for d in range(dim):
             s.r[d] += weight * s.rk[d]
             for i in range(n):
@@ -194,88 +231,94 @@ def _value(X, prefix, t, m, chain, terms, s):
 
 
 @nb.njit(**OPTIONS)
-def _pull(value, kind, scale, mu, lam):
-    """(weight, shifted value) of a component in the augmented Lagrangian; weight 0 where it is not felt."""
-    if kind == SOS:
-        return scale, value
-    weight = mu * scale
-    shifted = value + lam / weight
-    if kind == INEQ and shifted <= 0.0:
-        return 0.0, 0.0
-    return weight, shifted
-
-
-@nb.njit(**OPTIONS)
-def _objectives(X, prefix, t, chain, terms, mu, lam, s, H, G):
-    """Adds the objectives of step t: to s.Hs, s.gs, those that look at several steps to H, G.
+def _objectives(X, prefix, t, sample, alpha, R, p, chain, terms, mu, lam, s, model):
+    """Adds the objectives of a sample: to s.Hs, s.gs, those that look at several steps and inequalities to the model.
 
     Returns (merit, cost, worst equality, worst inequality).
     """
     n = X.shape[1]
+    H, G = model.H, model.G
     merit = 0.0
     cost = 0.0
     worst_eq = 0.0
     worst_ineq = -BEYOND
-    for m in range(terms.by_step[t], terms.by_step[t + 1]):
+    for m in range(terms.by_sample[sample], terms.by_sample[sample + 1]):
         dim, kind, order = terms.dim[m], terms.type[m], terms.order[m]
         if order == 0:
-            _call(terms, m, n, chain, s, t + MAX_ORDER if s.R.shape[0] > 1 else 0, X[t], s.r, s.J)
+            _call(terms, m, n, chain, R, p, s.qs, s.r, s.J)
             for d in range(dim):
                 s.r[d] -= terms.target[m, d]
         else:
             _value(X, prefix, t, m, chain, terms, s)
         for d in range(dim):
-            if kind == EQ:
-                worst_eq = max(worst_eq, abs(s.r[d]))
-            elif kind == INEQ:
-                worst_ineq = max(worst_ineq, s.r[d])
-            weight, value = _pull(s.r[d], kind, terms.scale[m], mu, lam[m, d])
-            if weight == 0.0:
-                continue
+            weight = terms.scale[m]
+            value = s.r[d]
+            sign = 1.0
+            if kind == BAND:
+                sign = 1.0 if value > 0.0 else -1.0
+                value = abs(value) - terms.band[m, d]
+            one_sided = kind == INEQ or kind == BAND
+            if kind != SOS:
+                if one_sided:
+                    worst_ineq = max(worst_ineq, value)
+                else:
+                    worst_eq = max(worst_eq, abs(value))
+                weight *= mu
+                value += lam[m, d] / weight
             half = 0.5 * weight * value * value
+            if one_sided and value <= 0.0:
+                half = 0.0
             merit += half
             if kind == SOS:
                 cost += half
-            if order == 0:
+            if order == 0 and one_sided:
+                c = model.count[0]
+                model.count[0] = c + 1
+                model.step[c], model.alpha[c], model.value[c], model.weight[c] = t, alpha, value, weight
+                for i in range(n):
+                    model.row[c, i] = sign * s.J[d, i]
+            elif order == 0:
                 for i in range(n):
                     g = weight * s.J[d, i]
                     if g != 0.0:
                         s.gs[i] += g * value
                         for j in range(i + 1):
                             s.Hs[i, j] += g * s.J[d, j]
-                continue
-            for a in range(min(order, t) + 1):
-                for i in range(n):
-                    g = weight * s.Jk[a, d, i]
-                    if g == 0.0:
-                        continue
-                    row = n * (t - a) + i
-                    G[row] += g * value
-                    for j in range(i, n):
-                        H[row, j - i] += g * s.Jk[a, d, j]
-                    for b in range(a):
-                        for j in range(n):
-                            H[row, n * (a - b) + j - i] += g * s.Jk[b, d, j]
+            elif half > 0.0:
+                for a in range(min(order, t) + 1):
+                    for i in range(n):
+                        g = weight * s.Jk[a, d, i]
+                        if g == 0.0:
+                            continue
+                        row = n * (t - a) + i
+                        G[row] += g * value
+                        for j in range(i, n):
+                            H[row, j - i] += g * s.Jk[a, d, j]
+                        for b in range(a):
+                            for j in range(n):
+                                H[row, n * (a - b) + j - i] += g * s.Jk[b, d, j]
     return merit, cost, worst_eq, worst_ineq
 
 
 @nb.njit(**OPTIONS)
-def _evaluate(X, prefix, chain, terms, cols, samples, o, mult, H, G, s):
-    """Augmented Lagrangian at X with gradient G (T n,) and Gauss-Newton Hessian H (T n, 3 n + PADDING).
+def _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s):
+    """Augmented Lagrangian at X, and its model there.
 
     Returns (merit, cost, worst equality, worst inequality); worst values are unscaled, in metres and radians.
     """
     T, n = X.shape
     mu = mult.mu[0]
+    H, G = model.H, model.G
     H[:] = 0.0
     G[:] = 0.0
+    model.count[0] = 0
     cost = _smoothness(X, prefix, o.acceleration, o.velocity, H, G)
     merit = cost
     worst_eq = 0.0
     worst_ineq = -BEYOND
     parent, R_joint, p_joint, prismatic = chain.parent, chain.R_joint, chain.p_joint, chain.prismatic
     lower, upper, reach, limits = chain.lower, chain.upper, chain.reach, mult.limits
-    first, alphas, by_step = samples.first, samples.alpha, terms.by_step
+    first, alphas, masks, by_sample = samples.first, samples.alpha, samples.mask, terms.by_sample
     qs, seen, travel, wake, Hs, gs = s.qs, s.seen, s.travel, s.wake, s.Hs, s.gs
     several = s.R.shape[0] > 1
     for t in range(T):
@@ -283,60 +326,138 @@ def _evaluate(X, prefix, chain, terms, cols, samples, o, mult, H, G, s):
             alpha = alphas[sample]
             step = sample + 1 == first[t + 1]
             moved = _visit(X, prefix, t, alpha, reach, sample, qs, seen, travel)
-            asks = step and (several or by_step[t] < by_step[t + 1])
+            asks = (step and several) or by_sample[sample] < by_sample[sample + 1]
             awake = moved >= wake[sample]
             if not (asks or awake):
                 continue
-            R, p = (s.R[t + MAX_ORDER if several else 0], s.p[t + MAX_ORDER if several else 0]) if step else (s.Rm, s.pm)
+            index = t + MAX_ORDER if step and several else 0
+            R, p = (s.R[index], s.p[index]) if step else (s.Rm, s.pm)
             forward(qs, parent, R_joint, p_joint, prismatic, R, p)
-            Hs[:] = 0.0
-            gs[:] = 0.0
             if awake:
-                penalty, worst = _collide(cols, chain, s, sample, R, p, mu, mult.pairs[sample], o.activity, False)
+                penalty, worst = _collide(
+                    cols, chain, s, sample, masks[sample], t, alpha, R, p, mu, mult.pairs[sample], o.activity, model,
+                    False,
+                )  # fmt: skip
                 merit += penalty
                 worst_ineq = max(worst_ineq, worst)
-                if penalty == 0.0 and not asks:
-                    continue
             if asks:
-                m, c, we, wi = _objectives(X, prefix, t, chain, terms, mu, mult.terms, s, H, G)
+                Hs[:] = 0.0
+                gs[:] = 0.0
+                m, c, we, wi = _objectives(
+                    X, prefix, t, sample, alpha, R, p, chain, terms, mu, mult.terms, s, model
+                )  # fmt: skip
                 merit += m
                 cost += c
                 worst_eq = max(worst_eq, we)
                 worst_ineq = max(worst_ineq, wi)
-            beta = 1.0 - alpha
-            before = t > 0 and beta > 0.0
-            for i in range(n):
-                k = n * t + i
-                G[k] += alpha * gs[i]
-                for j in range(i + 1):
-                    H[k - i + j, i - j] += alpha * alpha * Hs[i, j]
-                if before:
-                    G[k - n] += beta * gs[i]
-                    for j in range(n):
-                        h = Hs[i, j] if j <= i else Hs[j, i]
-                        H[k - n - i + j, n + i - j] += alpha * beta * h
-                        if j <= i:
-                            H[k - n - i + j, i - j] += beta * beta * h
+                beta = 1.0 - alpha
+                before = t > 0 and beta > 0.0
+                for i in range(n):
+                    k = n * t + i
+                    G[k] += alpha * gs[i]
+                    for j in range(i + 1):
+                        H[k - i + j, i - j] += alpha * alpha * Hs[i, j]
+                    if before:
+                        G[k - n] += beta * gs[i]
+                        for j in range(n):
+                            h = Hs[i, j] if j <= i else Hs[j, i]
+                            H[k - n - i + j, n + i - j] += alpha * beta * h
+                            if j <= i:
+                                H[k - n - i + j, i - j] += beta * beta * h
         for i in range(n):
-            x = X[t, i]
-            c = lower[i] - x
-            sign = -1.0
-            side = 0
-            if x - upper[i] > c:
-                c = x - upper[i]
-                sign = 1.0
-                side = 1
-            worst_ineq = max(worst_ineq, c)
-            shifted = c + limits[t, i, side] / mu
-            if shifted > 0.0:
-                merit += 0.5 * mu * shifted * shifted
-                G[n * t + i] += mu * shifted * sign
-                H[n * t + i, 0] += mu
+            for side in range(2):
+                c = lower[i] - X[t, i] if side == 0 else X[t, i] - upper[i]
+                worst_ineq = max(worst_ineq, c)
+                shifted = c + limits[t, i, side] / mu
+                if shifted > 0.0:
+                    merit += 0.5 * mu * shifted * shifted
     return merit, cost, worst_eq, worst_ineq
 
 
 @nb.njit(**OPTIONS)
-def _update_multipliers(X, prefix, chain, terms, cols, samples, o, mult, s):
+def _assemble(X, prefix, chain, mult, model, step, A, b):
+    """The normal equations A, b of the model with the inequalities that are felt after a step (T n,).
+
+    Returns how many are felt, as a checksum that tells different sets apart.
+    """
+    T, n = X.shape
+    mu = mult.mu[0]
+    A[:] = model.H
+    for k in range(T * n):
+        b[k] = -model.G[k]
+    felt = 0
+    for m in range(model.count[0]):
+        t, alpha, row, value, weight = model.step[m], model.alpha[m], model.row[m], model.value[m], model.weight[m]
+        beta = 1.0 - alpha
+        before = t > 0 and beta > 0.0
+        predicted = value
+        k = n * t
+        for i in range(n):
+            predicted += alpha * row[i] * step[k + i]
+            if before:
+                predicted += beta * row[i] * step[k - n + i]
+        if predicted <= 0.0:
+            continue
+        felt += (m + 1) * (m + 7)
+        for i in range(n):
+            g = weight * row[i]
+            if g == 0.0:
+                continue
+            b[k + i] -= alpha * g * value
+            for j in range(i, n):
+                A[k + i, j - i] += alpha * alpha * g * row[j]
+            if before:
+                b[k - n + i] -= beta * g * value
+                for j in range(i, n):
+                    A[k - n + i, j - i] += beta * beta * g * row[j]
+                for j in range(n):
+                    A[k - n + i, n + j - i] += alpha * beta * g * row[j]
+    for t in range(T):
+        for i in range(n):
+            k = n * t + i
+            for side in range(2):
+                sign = -1.0 if side == 0 else 1.0
+                c = chain.lower[i] - X[t, i] if side == 0 else X[t, i] - chain.upper[i]
+                value = c + mult.limits[t, i, side] / mu
+                if value + sign * step[k] > 0.0:
+                    felt += (k + 1) * (k + 11) * (side + 3)
+                    b[k] -= mu * value * sign
+                    A[k, 0] += mu
+    return felt
+
+
+@nb.njit(**OPTIONS)
+def _model_step(X, prefix, chain, mult, model, damping, bandwidth, A, b, gradient, step):
+    """The step (T n,) that minimises the model, and the gradient at X.
+
+    The model is quadratic but for the inequalities, which are felt or not; which ones is asked of the step itself,
+    until that does not change (a semi-smooth Newton method [4]): a step does not run into what it did not feel before.
+
+    [4] Hintermueller, Ito, Kunisch, The primal-dual active set strategy as a semismooth Newton method, 2002.
+
+    Returns False where the normal equations are not positive definite.
+    """
+    N = step.shape[0]
+    step[:] = 0.0
+    before = 0
+    for attempt in range(MODEL_ROUNDS):
+        felt = _assemble(X, prefix, chain, mult, model, step, A, b)
+        if attempt == 0:
+            for k in range(N):
+                gradient[k] = -b[k]
+        elif felt == before:
+            return True
+        before = felt
+        for k in range(N):
+            A[k, 0] += damping
+        if not cholesky_solve(A, b, bandwidth):
+            return False
+        step[:] = b
+    return True
+
+
+@nb.njit(**OPTIONS)
+def _update_multipliers(X, prefix, chain, terms, cols, samples, o, mult, model, s):
     T, n = X.shape
     mu = mult.mu[0]
     several = s.R.shape[0] > 1
@@ -344,27 +465,31 @@ def _update_multipliers(X, prefix, chain, terms, cols, samples, o, mult, s):
         for sample in range(samples.first[t], samples.first[t + 1]):
             step = sample + 1 == samples.first[t + 1]
             moved = _visit(X, prefix, t, samples.alpha[sample], chain.reach, sample, s.qs, s.seen, s.travel)
-            asks = step and (several or terms.by_step[t] < terms.by_step[t + 1])
+            asks = (step and several) or terms.by_sample[sample] < terms.by_sample[sample + 1]
             awake = moved >= s.wake[sample]
             if not (asks or awake):
                 continue
-            index = (t + MAX_ORDER if several else 0) if step else 0
+            index = t + MAX_ORDER if step and several else 0
             R, p = (s.R[index], s.p[index]) if step else (s.Rm, s.pm)
             forward(s.qs, chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R, p)
             if awake:
-                _collide(cols, chain, s, sample, R, p, mu, mult.pairs[sample], o.activity, True)
-        for m in range(terms.by_step[t], terms.by_step[t + 1]):
-            if terms.type[m] == SOS:
-                continue
-            if terms.order[m] == 0:
-                _call(terms, m, n, chain, s, t + MAX_ORDER if several else 0, X[t], s.r, s.J)
+                _collide(
+                    cols, chain, s, sample, samples.mask[sample], t, 1.0, R, p, mu, mult.pairs[sample], o.activity,
+                    model, True,
+                )  # fmt: skip
+            for m in range(terms.by_sample[sample], terms.by_sample[sample + 1]):
+                if terms.type[m] == SOS:
+                    continue
+                if terms.order[m] == 0:
+                    _call(terms, m, n, chain, R, p, s.qs, s.r, s.J)
+                    for d in range(terms.dim[m]):
+                        s.r[d] -= terms.target[m, d]
+                else:
+                    _value(X, prefix, t, m, chain, terms, s)
                 for d in range(terms.dim[m]):
-                    s.r[d] -= terms.target[m, d]
-            else:
-                _value(X, prefix, t, m, chain, terms, s)
-            for d in range(terms.dim[m]):
-                lam = mult.terms[m, d] + mu * terms.scale[m] * s.r[d]
-                mult.terms[m, d] = lam if terms.type[m] == EQ else max(0.0, lam)
+                    c = abs(s.r[d]) - terms.band[m, d] if terms.type[m] == BAND else s.r[d]
+                    lam = mult.terms[m, d] + mu * terms.scale[m] * c
+                    mult.terms[m, d] = lam if terms.type[m] == EQ else max(0.0, lam)
         for i in range(n):
             mult.limits[t, i, 0] = max(0.0, mult.limits[t, i, 0] + mu * (chain.lower[i] - X[t, i]))
             mult.limits[t, i, 1] = max(0.0, mult.limits[t, i, 1] + mu * (X[t, i] - chain.upper[i]))
@@ -386,8 +511,8 @@ def solve_from(X, prefix, chain, terms, cols, samples, o, mult, s):
     T, n = X.shape
     N = T * n
     band = 3 * n
-    H, Hn, A = np.zeros((N, band + PADDING)), np.zeros((N, band + PADDING)), np.zeros((N, band + PADDING))
-    G, Gn, b = np.zeros(N), np.zeros(N), np.zeros(N)
+    model, trial_model = new_model(T, n, terms, cols, samples), new_model(T, n, terms, cols, samples)
+    A, b, gradient, step = np.zeros((N, band + PADDING)), np.zeros(N), np.zeros(N), np.zeros(N)
     Xn = np.zeros((T, n))
     bandwidth = min(band - 1, N - 1)
     damping = o.damping
@@ -395,57 +520,61 @@ def solve_from(X, prefix, chain, terms, cols, samples, o, mult, s):
     cost = 0.0
     worst_eq = BEYOND
     worst_ineq = BEYOND
+    before = BEYOND
     for _outer in range(int(o.outer)):
-        merit, cost, worst_eq, worst_ineq = _evaluate(X, prefix, chain, terms, cols, samples, o, mult, H, G, s)
+        merit, cost, worst_eq, worst_ineq = _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s)
         if not merit < NO_NUMBER:
             return cost, BEYOND, BEYOND, iterations
         for _ in range(int(o.inner)):
             iterations += 1
             accepted = False
-            step = 0.0
+            size = 0.0
             decrease = 0.0
-            for _ in range(10):
-                A[:] = H
-                for i in range(N):
-                    A[i, 0] += damping
-                    b[i] = -G[i]
-                if not cholesky_solve(A, b, bandwidth):
+            for _ in range(TRIES):
+                if not _model_step(X, prefix, chain, mult, model, damping, bandwidth, A, b, gradient, step):
                     damping = max(damping * 10.0, 1e-4)
                     continue
-                step = 0.0
+                size = 0.0
                 slope = 0.0
-                for i in range(N):
-                    step = max(step, abs(b[i]))
-                    slope += G[i] * b[i]
-                scale = 1.0 if step < o.max_step else o.max_step / step
+                for k in range(N):
+                    size = max(size, abs(step[k]))
+                    slope += gradient[k] * step[k]
+                scale = 1.0 if size < o.max_step else o.max_step / size
                 slope *= scale
-                step *= scale
+                size *= scale
                 for t in range(T):
                     for i in range(n):
-                        Xn[t, i] = X[t, i] + scale * b[n * t + i]
+                        Xn[t, i] = X[t, i] + scale * step[n * t + i]
                 trial, trial_cost, trial_eq, trial_ineq = _evaluate(
-                    Xn, prefix, chain, terms, cols, samples, o, mult, Hn, Gn, s
+                    Xn, prefix, chain, terms, cols, samples, o, mult, trial_model, s
                 )
-                if trial <= merit + 0.01 * slope + 1e-12:
+                won = merit - trial
+                if won >= -LEAST_GAIN * slope - 1e-12:
                     accepted = True
-                    damping = max(damping * 0.2, o.damping)
+                    if won < -POOR_GAIN * slope:
+                        damping = max(damping * 3.0, 1e-2)
+                    elif won > -GOOD_GAIN * slope:
+                        damping = max(damping * 0.2, o.damping)
                     break
                 damping = max(damping * 10.0, 1e-2)
-                if step < 1e-6:
+                # where little can be won, rounding and the kinks of distances decide: no use in insisting
+                if size < 1e-6 or -slope < o.gain_tolerance * abs(merit):
                     break
             if not accepted:
                 break
             decrease = merit - trial
             X[:] = Xn
             merit, cost, worst_eq, worst_ineq = trial, trial_cost, trial_eq, trial_ineq
-            H, Hn = Hn, H
-            G, Gn = Gn, G
-            if step < o.step_tolerance or decrease < o.gain_tolerance * abs(merit):
+            model, trial_model = trial_model, model
+            if size < o.step_tolerance or decrease < o.gain_tolerance * abs(merit):
                 break
-        if max(worst_eq, worst_ineq) < o.tolerance or iterations >= o.iterations:
+        worst = max(worst_eq, worst_ineq)
+        if worst < o.tolerance or iterations >= o.iterations:
             break
-        _update_multipliers(X, prefix, chain, terms, cols, samples, o, mult, s)
-        mult.mu[0] = min(mult.mu[0] * o.mu_growth, o.mu_max)
+        _update_multipliers(X, prefix, chain, terms, cols, samples, o, mult, model, s)
+        if worst > ENOUGH * before:
+            mult.mu[0] = min(mult.mu[0] * o.mu_growth, o.mu_max)
+        before = worst
     return cost, worst_eq, worst_ineq, iterations
 
 
@@ -486,7 +615,7 @@ def solve_batch(X, prefix, chain, terms, params, cols, free, samples, o):
 def _with_params(terms, params):
     return Terms(
         terms.kernel, terms.type, terms.step, terms.dim, terms.scale, terms.frames, terms.offset, params, terms.target,
-        terms.order, terms.by_step, terms.tau,
+        terms.order, terms.band, terms.by_sample, terms.tau,
     )  # fmt: skip
 
 
@@ -529,7 +658,7 @@ def follow(q, chain, terms, params, cols, samples, o, max_jump):
 
 @nb.njit(**OPTIONS)
 def linearise(X, prefix, chain, terms, cols, samples):
-    """Values (M, MAX_DIM) of all terms less their targets, and their Jacobians (M, MAX_DIM, 3 n) by x_t, x_(t-1), x_(t-2)."""
+    """Values (M, MAX_DIM) of all terms less targets, and their Jacobians (M, MAX_DIM, 3 n) by x_t, x_(t-1), x_(t-2)."""
     T, n = X.shape
     M = terms.kernel.shape[0]
     s = new_scratch(T, n, chain, terms, cols, samples, prefix)
@@ -538,8 +667,8 @@ def linearise(X, prefix, chain, terms, cols, samples):
         q = X[t - MAX_ORDER] if t >= MAX_ORDER else prefix[t]
         forward(q, chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R[t], p[t])
     s = Scratch(
-        R, p, s.Rm, s.pm, s.Hs, s.gs, s.row, s.centers, s.hints, s.witness, s.work, s.r, s.rk, s.J, s.Jk, s.qs,
-        s.travel, s.seen, s.until, s.wake,
+        R, p, s.Rm, s.pm, s.Hs, s.gs, s.witness, s.work, s.r, s.rk, s.J, s.Jk, s.qs, s.seen, s.travel, s.wake,
+        s.known, s.centers, s.turned, s.slack, s.hints, s.moved,
     )  # fmt: skip
     values, jacobians = np.zeros((M, MAX_DIM)), np.zeros((M, MAX_DIM, 3 * n))
     for m in range(M):
@@ -554,27 +683,6 @@ def linearise(X, prefix, chain, terms, cols, samples):
 
 
 @nb.njit(**OPTIONS)
-def _look(R, p, mask, cols, floor, travel, until, hints, centers, witness, work):
-    """Pairs at one configuration: (worst violation, its pair or -1 where none > floor, travel to the next look)."""
-    place_centers(cols, R, p, centers)
-    violation = floor
-    pair = -1
-    following = NEVER
-    for k in range(cols.a.shape[0]):
-        if cols.phases[k] & mask == 0:
-            continue
-        if travel >= until[k]:
-            margin = cols.margin[k]
-            d = pair_distance(cols, k, R, p, centers, margin + LOOK_AHEAD, hints[k], witness, work)
-            until[k] = travel + (d - margin + floor) / cols.closing[k]
-            if margin - d > violation:
-                violation = margin - d
-                pair = k
-        following = min(following, until[k])
-    return violation, pair, following
-
-
-@nb.njit(**OPTIONS)
 def path_violations(path, masks, chain, cols, floor):
     """Worst margin violation of each configuration.
 
@@ -586,28 +694,52 @@ def path_violations(path, masks, chain, cols, floor):
         (violation (M,) in metres, positive where a pair is closer than its margin; pair (M,), -1 where none > floor).
     """
     M, n = path.shape
-    P = cols.a.shape[0]
+    P, shapes = cols.a.shape[0], cols.frame.shape[0]
     violation, pair = np.full(M, floor), np.full(M, -1, np.int64)
-    R, p, centers = np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3)), np.zeros((cols.frame.shape[0], 3))
-    hints, until, witness, work = np.zeros((P, 9), np.int16), np.zeros(P), np.zeros((3, 3)), np.zeros((20, 3))
-    travel = 0.0
+    R, p, turned = np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3)), np.zeros((n + 1, 3, 3))
+    centers, moved, slack = np.zeros((shapes, 3)), np.zeros(shapes), np.zeros(P)
+    hints, witness, work = np.zeros((P, 9), np.int16), np.zeros((3, 3)), np.zeros(WORK)
     for m in range(M):
-        if m > 0:
-            for i in range(n):
-                travel += chain.reach[i] * abs(path[m, i] - path[m - 1, i])
         forward(path[m], chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R, p)
-        violation[m], pair[m], _ = _look(
-            R, p, masks[m], cols, floor, travel, until, hints, centers, witness, work
-        )
+        if m == 0:
+            place_centers(cols, R, p, centers)
+        move_on(cols, R, p, centers, turned, moved, slack)
+        for k in range(P):
+            if slack[k] > 0.0 or cols.phases[k] & masks[m] == 0:
+                continue
+            margin = cols.margin[k]
+            d = pair_distance(cols, k, R, p, centers, margin + LOOK_AHEAD, hints[k], witness, work)
+            slack[k] = d - margin + floor
+            if margin - d > violation[m]:
+                violation[m] = margin - d
+                pair[m] = k
     return violation, pair
+
+
+@nb.njit(**OPTIONS)
+def _speed(chain, frame, dq, R, p, c):
+    """How fast the point c (3,) fixed in a frame moves, and how fast it turns, along the joint motion dq (n,)."""
+    w0, w1, w2, v0, v1, v2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(chain.first[frame], frame):
+        z0, z1, z2, rate = R[k + 1, 0, 2], R[k + 1, 1, 2], R[k + 1, 2, 2], dq[k]
+        if chain.prismatic[k] == 1:
+            v0, v1, v2 = v0 + z0 * rate, v1 + z1 * rate, v2 + z2 * rate
+        else:
+            r0, r1, r2 = c[0] - p[k + 1, 0], c[1] - p[k + 1, 1], c[2] - p[k + 1, 2]
+            v0 += rate * (z1 * r2 - z2 * r1)
+            v1 += rate * (z2 * r0 - z0 * r2)
+            v2 += rate * (z0 * r1 - z1 * r0)
+            w0, w1, w2 = w0 + z0 * rate, w1 + z1 * rate, w2 + z2 * rate
+    return np.sqrt(v0 * v0 + v1 * v1 + v2 * v2), np.sqrt(w0 * w0 + w1 * w1 + w2 * w2)
 
 
 @nb.njit(**OPTIONS)
 def between_violations(path, masks, chain, cols, resolution):
     """Worst margin violation within each interval of a path that is straight between its configurations.
 
-    The next place to look at is as far as the distances found allow (conservative advancement [3]), at least
-    ``resolution`` metres of motion further.
+    A pair is next looked at where it could touch its margin at the earliest (conservative advancement [3]): its shapes
+    move at the speed they have here, which changes by no more than the second derivative of the chain. The next look
+    is at least ``resolution`` metres of motion further.
 
     [3] Mirtich, Impulse-based dynamic simulation, 1996.
 
@@ -618,43 +750,69 @@ def between_violations(path, masks, chain, cols, resolution):
         (violation (T,) in metres, 0 where there is none; pair (T,) or -1; alpha (T,): where in the interval).
     """
     T, n = path.shape[0] - 1, path.shape[1]
-    P = cols.a.shape[0]
+    P, shapes = cols.a.shape[0], cols.frame.shape[0]
     violation, pair, where = np.zeros(T), np.full(T, -1, np.int64), np.zeros(T)
-    R, p, centers = np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3)), np.zeros((cols.frame.shape[0], 3))
-    hints, until, witness, work = np.zeros((P, 9), np.int16), np.zeros(P), np.zeros((3, 3)), np.zeros((20, 3))
-    q = np.empty(n)
-    travel = 0.0
-    following = 0.0  # travel at which some pair has to be looked at again
-    mask = 0
+    R, p, Rk, pk = np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3)), np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3))
+    centers, own = np.zeros((shapes, 3)), np.zeros((shapes, 3))
+    reaches, slack, q, dq = np.zeros(shapes), np.zeros(P), np.zeros(n), np.zeros(n)
+    hints, witness, work = np.zeros((P, 9), np.int16), np.zeros((3, 3)), np.zeros(WORK)
     for t in range(T):
-        rate = 0.0
+        turn, reach = 0.0, 0.0
         for i in range(n):
-            rate += chain.reach[i] * abs(path[t + 1, i] - path[t, i])
-        if masks[t] != mask:
-            mask = masks[t]
-            following = travel
-        start = travel
-        while following <= start + rate:
-            at = max(following, travel)
-            alpha = (at - start) / rate if rate > 0.0 else 1.0
-            travel = at
-            for i in range(n):
-                q[i] = (1.0 - alpha) * path[t, i] + alpha * path[t + 1, i]
-            forward(q, chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R, p)
-            worst, k, following = _look(R, p, mask, cols, 0.0, travel, until, hints, centers, witness, work)
-            if worst > violation[t]:
-                violation[t], pair[t], where[t] = worst, k, alpha
-            following = max(following, travel + resolution)
-        travel = start + rate
+            dq[i] = path[t + 1, i] - path[t, i]
+            turn += abs(dq[i])
+            reach += chain.reach[i] * abs(dq[i])
+        bend = turn * reach  # bound on the second derivative of every point of a link
+        forward(path[t], chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R, p)
+        place_centers(cols, R, p, centers)
+        for s in range(shapes):
+            if cols.frame[s] > 0:
+                v, w = _speed(chain, cols.frame[s], dq, R, p, centers[s])
+                reaches[s] = v + w * cols.bound[s] + 0.5 * bend * cols.speed[s]
+        for k in range(P):
+            a, b = cols.a[k], cols.b[k]
+            motion = reaches[a] + reaches[b]
+            if cols.phases[k] & masks[t] == 0 or slack[k] > motion:
+                slack[k] -= motion
+                continue
+            curve = bend * (cols.speed[a] + cols.speed[b])
+            alpha = 0.0
+            while True:
+                for i in range(n):
+                    q[i] = path[t, i] + alpha * dq[i]
+                forward(q, chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, Rk, pk)
+                speed = 0.0
+                for s in (a, b):
+                    f = cols.frame[s]
+                    for x in range(3):
+                        own[s, x] = pk[f, x]
+                        for y in range(3):
+                            own[s, x] += Rk[f, x, y] * cols.center[s, y]
+                    if f > 0:
+                        v, w = _speed(chain, f, dq, Rk, pk, own[s])
+                        speed += v + w * cols.bound[s]
+                d = pair_distance(cols, k, Rk, pk, own, cols.margin[k] + LOOK_AHEAD, hints[k], witness, work)
+                slack[k] = d - cols.margin[k]
+                if -slack[k] > violation[t]:
+                    violation[t], pair[t], where[t] = -slack[k], k, alpha
+                if alpha >= 1.0:
+                    break
+                rest = 1.0 - alpha
+                if slack[k] > speed * rest + 0.5 * curve * rest * rest:
+                    slack[k] -= speed * rest + 0.5 * curve * rest * rest
+                    break
+                room = max(slack[k], resolution)
+                root = np.sqrt(speed * speed + 2.0 * curve * room)
+                alpha = min(1.0, alpha + 2.0 * room / max(speed + root, 1e-12))
     return violation, pair, where
 
 
 @nb.njit(**OPTIONS)
 def standing_margins(q, mask, chain, cols, extra):
-    """Margins (P,) of the pairs, lowered to what the configuration q (n,) has, less ``extra`` (m), where that is less."""
+    """Margins (P,) of the pairs, where the configuration q (n,) has less lowered to what it has, less ``extra`` (m)."""
     n = q.shape[0]
     R, p, centers = np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3)), np.zeros((cols.frame.shape[0], 3))
-    hint, witness, work = np.zeros(9, np.int16), np.zeros((3, 3)), np.zeros((20, 3))
+    hint, witness, work = np.zeros(9, np.int16), np.zeros((3, 3)), np.zeros(WORK)
     forward(q, chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R, p)
     place_centers(cols, R, p, centers)
     margin = cols.margin.copy()
@@ -665,3 +823,30 @@ def standing_margins(q, mask, chain, cols, extra):
             if d < margin[k]:
                 margin[k] = d - extra
     return margin
+
+
+@nb.njit(**OPTIONS)
+def feature_values(path, chain, kernel, dim, frames, params):
+    """Values (M, dim) of a feature at the configurations of a path (M, n)."""
+    M, n = path.shape
+    R, p, J, r = np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3)), np.zeros((MAX_DIM, n)), np.zeros(MAX_DIM)
+    values = np.empty((M, dim))
+    for m in range(M):
+        forward(path[m], chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R, p)
+        J[:] = 0.0
+        call_kernel(
+            kernel, n, R.ctypes.data, p.ctypes.data, chain.first.ctypes.data, chain.prismatic.ctypes.data,
+            path[m].ctypes.data, frames.ctypes.data, params.ctypes.data, r.ctypes.data, J.ctypes.data,
+        )  # fmt: skip
+        values[m] = r[:dim]
+    return values
+
+
+@nb.njit(**OPTIONS)
+def penetration(path, masks, chain, cols):
+    """Sum (m) over the configurations of a path (M, n) of their worst violations of the margins."""
+    total = 0.0
+    violation, _ = path_violations(path, masks, chain, cols, 0.0)
+    for m in range(path.shape[0]):
+        total += violation[m]
+    return total

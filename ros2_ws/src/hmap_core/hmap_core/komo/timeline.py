@@ -39,6 +39,7 @@ class Timeline:
     def __init__(self, skeleton: Skeleton, workspace: Workspace):
         self.skeleton, self.workspace = skeleton, workspace
         self._places: dict[tuple[str, int], Place] = {}
+        self._contacts: dict[int, np.ndarray] = {}
         self._hung: dict[tuple, Place] = {}
         for entry in skeleton.entries:
             self._check(entry)
@@ -66,12 +67,16 @@ class Timeline:
 
     def T_obj_manipulator(self, entry: SkeletonEntry) -> np.ndarray:
         """The pose (7,) of the manipulator in the object's frame that a touch or stable entry asks for."""
+        key = id(entry)
+        if key not in self._contacts:
+            self._contacts[key] = self._contact(entry)
+        return self._contacts[key]
+
+    def _contact(self, entry: SkeletonEntry) -> np.ndarray:
         contact = self.skeleton.contact(entry)
         if contact is not None:
             return contact.T_obj_ee if isinstance(contact, ContactPoint) else np.asarray(contact, float)
-        if entry.phase0 > 0:
-            entry.reject("no contact is given, and no touch begins it")
-        manipulator, name = entry.frames
+        manipulator, name = entry.frames  # held from the start, as checked
         poses = self.workspace.state.poses
         is_robot = manipulator in self.workspace.scene.robots
         T = self.workspace.T_world_ee(manipulator) if is_robot else poses[manipulator]

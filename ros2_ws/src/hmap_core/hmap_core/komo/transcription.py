@@ -15,11 +15,14 @@ from hmap_core.komo.features.base import MAX_DIM, MAX_FRAMES, Feature
 from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.options import IK_OPTIONS, SolverOptions
 from hmap_core.komo.solver import (
+    BAND,
     MAX_ORDER,
     between_violations,
+    feature_values,
     follow,
     linearise,
     path_violations,
+    penetration,
     solve,
     solve_batch,
     standing_margins,
@@ -36,7 +39,13 @@ VERIFY_SHARE = 2.0 / 3.0
 VERIFY_SLACK = 0.0005
 VERIFY_STEP = 0.0005  # m of motion after which the verification looks again at the latest
 SAMPLE_GAP = 0.02  # share of an interval within which two collision samples count as one
-BUMP = 0.4  # rad: size of the random bumps on the first guesses of restarts
+BETWEEN = np.array([0.25, 0.5, 0.75])  # shares of an interval at which constraints of both its ends are verified
+# Between its steps a constraint of both ends of an interval may be left by this: m, and rad or share of a unit vector.
+# Where it is left by more it is asked there too, to within the band.
+BETWEEN_TOLERANCE = (5e-4, 4e-3)
+BETWEEN_BAND = (3e-4, 2e-3)
+BUMPS = np.array([0.2, 0.4, 0.8])  # rad: sizes of the random bumps on first guesses
+BRIDGES = 8  # of each size that are tried where the straight way is blocked
 IK_STARTS = 12  # random configurations from which the IK of a phase's end is tried at most
 
 
@@ -80,7 +89,7 @@ class KomoResult:
 
 @dataclass(frozen=True)
 class Linearisation:
-    """Objectives at a path: values (M,) less targets, unscaled; jacobian (M, T n); rows: (objective, step, component)."""
+    """Objectives at a path: values (M,) less targets, unscaled; jacobian (M, T n); rows: objective, step, component."""
 
     values: np.ndarray
     jacobian: np.ndarray
@@ -120,14 +129,6 @@ class KomoProblem:
         end = self.last(phase) + 1
         return range(end - self.steps_per_phase[phase], end)
 
-    def time_of(self, step: int) -> float:
-        """Time of a step in phases: 1.0 is the end of the first phase."""
-        for phase, steps in enumerate(self.steps_per_phase):
-            if step < steps:
-                return phase + (step + 1) / steps
-            step -= steps
-        raise IndexError(f"step {step} is beyond the last phase")
-
     def steps_at(self, times: Sequence[float]) -> range:
         """Steps of ``times`` in phases, as in KOMO: (t,) is one step, (t0, t1) all after t0 up to t1, () all.
 
@@ -155,12 +156,16 @@ class KomoProblem:
         if not 0 <= objective.order <= MAX_ORDER:
             raise InputError(f"objective '{name}': order {objective.order}; allowed: 0 to {MAX_ORDER}")
         if objective.target is not None and np.shape(objective.target) != (dim,):
-            raise InputError(f"objective '{name}': target has shape {np.shape(objective.target)}; it has to be ({dim},)")
+            raise InputError(
+                f"objective '{name}': target has shape {np.shape(objective.target)}; it has to be ({dim},)"
+            )
         if not objective.scale > 0.0:
             raise InputError(f"objective '{name}': scale {objective.scale}; it has to be positive")
         steps = np.asarray(objective.steps)
         if steps.size and not (0 <= steps.min() and steps.max() < self.steps):
-            raise InputError(f"objective '{name}': steps {steps.min()} to {steps.max()}; allowed: 0 to {self.steps - 1}")
+            raise InputError(
+                f"objective '{name}': steps {steps.min()} to {steps.max()}; allowed: 0 to {self.steps - 1}"
+            )
         self.objectives.append(objective)
 
     def add_objective(
@@ -189,6 +194,13 @@ class KomoProblem:
         """Bit mask (T,) of the phases of each interval."""
         return np.int64(1) << self.phase_of_step()
 
+    def coarse_samples(self, full: Samples, stride: int) -> Samples:
+        """Pairs are looked at only at every ``stride``-th step of each phase, counted from its end."""
+        to_end = np.concatenate([np.arange(steps)[::-1] for steps in self.steps_per_phase])
+        step = np.repeat(np.arange(self.steps), np.diff(full.first))
+        kept = (full.alpha == 1.0) & (to_end[step] % stride == 0)
+        return full._replace(mask=np.where(kept, full.mask, 0))
+
     def samples(self, extra: Sequence[tuple[int, float]] = ()) -> Samples:
         """Where collisions are looked at: ``substeps`` places per interval, and ``extra`` ones (step, alpha)."""
         S, T = self.options.substeps, self.steps
@@ -204,40 +216,58 @@ class KomoProblem:
         mask = np.where(alpha == 1.0, ends[step], masks[step])
         return Samples(np.searchsorted(step, np.arange(T + 1)).astype(np.int64), alpha, mask)
 
-    def terms(self) -> Terms:
-        """Objectives unrolled over their steps, ordered by step."""
-        index = np.repeat(np.arange(len(self.objectives)), [len(o.steps) for o in self.objectives])
+    def terms(self, samples: Samples | None = None, between: Sequence[tuple[int, int, float]] = ()) -> Terms:
+        """Objectives unrolled over their steps, ordered by sample.
+
+        Args:
+            samples: what they are attached to; :meth:`samples` when not given.
+            between: (objective, step, alpha) that are asked between the steps too, where there is a sample.
+        """
+        samples = samples or self.samples()
+        counts = [len(o.steps) for o in self.objectives]
+        index = np.repeat(np.arange(len(self.objectives)), counts)
         step = np.concatenate([np.zeros(0, np.int64), *(np.asarray(o.steps, np.int64) for o in self.objectives)])
-        params, offsets, size = [], [], 0
-        for o in self.objectives:
+        at = samples.first[step + 1] - 1
+        params, offsets, begins, size = [], [], [], 0
+        for o, count in zip(self.objectives, counts, strict=True):
             rows = np.atleast_2d(o.feature.params if o.params is None else np.asarray(o.params, float))
             params.append(rows.ravel())
-            shared = o.params is None
-            offsets.append(size + np.arange(len(o.steps)) * (0 if shared else rows.shape[1]))
+            offsets.append(size + np.arange(count) * (0 if o.params is None else rows.shape[1]))
+            begins.append(size)
             size += rows.size
-        count = len(self.objectives)
-        frames, target = np.zeros((count, MAX_FRAMES), np.int64), np.zeros((count, MAX_DIM))
+        offset = np.concatenate([np.zeros(0, np.int64), *offsets]).astype(np.int64)
+        if between:
+            own, steps, alphas = (np.array(column) for column in zip(*between, strict=True))
+            places = [_sample_at(samples, t, a) for t, a in zip(steps, alphas, strict=True)]
+            index, step = np.concatenate([index, own]), np.concatenate([step, steps])
+            at = np.concatenate([at, places])
+            offset = np.concatenate([offset, np.array(begins, np.int64)[own]])
+        frames = np.zeros((len(self.objectives), MAX_FRAMES), np.int64)
+        target = np.zeros((len(self.objectives), MAX_DIM))
         for k, o in enumerate(self.objectives):
             frames[k, : len(o.feature.frames)] = o.feature.frames
             if o.target is not None:
                 target[k, : o.feature.dim] = o.target
-        by_step = np.argsort(step, kind="stable")
-        index, step = index[by_step].astype(np.int64), step[by_step]
-        numbers = [
-            np.array(values, kind)[index]
-            for values, kind in (
-                ([o.feature.kernel for o in self.objectives], np.int64),
-                ([int(o.type) for o in self.objectives], np.int64),
-                ([o.feature.dim for o in self.objectives], np.int64),
-                ([o.scale for o in self.objectives], float),
-                ([o.order for o in self.objectives], np.int64),
+        loose = np.arange(len(index)) >= len(index) - len(between)
+        order = np.argsort(at, kind="stable")
+        index, at, loose = index[order], at[order], loose[order]
+        kernel, kind, dim, difference = (
+            np.array(values, np.int64)[index]
+            for values in (
+                [o.feature.kernel for o in self.objectives],
+                [int(o.type) for o in self.objectives],
+                [o.feature.dim for o in self.objectives],
+                [o.order for o in self.objectives],
             )
-        ]
-        kernel, kind, dim, scale, order = numbers
-        offset = np.concatenate([np.zeros(0, np.int64), *offsets]).astype(np.int64)[by_step]
+        )
+        scale = np.array([o.scale for o in self.objectives], float)[index]
+        band = np.zeros((len(index), MAX_DIM))
+        for m in np.flatnonzero(loose & (kind == ObjectiveType.EQ)):
+            kind[m], band[m, : dim[m]] = BAND, _by_unit(self.objectives[index[m]], BETWEEN_BAND)
+        by_sample = np.searchsorted(at, np.arange(len(samples.alpha) + 1)).astype(np.int64)
         return Terms(
-            kernel, kind, step, dim, scale, frames[index], offset, np.concatenate([*params, np.zeros(1)]),
-            target[index], order, np.searchsorted(step, np.arange(self.steps + 1)).astype(np.int64), float(self.tau),
+            kernel, kind, step[order].astype(np.int64), dim, scale, frames[index], offset[order],
+            np.concatenate([*params, np.zeros(1)]), target[index], difference, band, by_sample, float(self.tau),
         )  # fmt: skip
 
     def solve(
@@ -261,7 +291,8 @@ class KomoProblem:
         rng = rng or np.random.default_rng(0)
         start = np.ascontiguousarray(start, float)
         cols = relaxed(self.chain, self.arrays(), start, 1)
-        terms = self.terms()
+        samples = self.samples()
+        terms = self.terms(samples)
         best: KomoResult | None = None
         iterations = attempts = 0
         for attempt in range(1 + restarts):
@@ -271,8 +302,8 @@ class KomoProblem:
             attempts += 1
             guess = initial if attempt == 0 else None
             if guess is None:
-                guess = self.first_guess(start, cols, terms, rng, attempt)
-            result = self._attempt(start, guess, cols, terms, began + time_limit)
+                guess = self.first_guess(start, cols, terms, samples, rng, attempt)
+            result = self._attempt(start, guess, cols, terms, samples, began + time_limit)
             iterations += result.iterations
             if best is None or result.feasible or _excess(result) < _excess(best):
                 best = result
@@ -281,46 +312,104 @@ class KomoProblem:
         duration = time.monotonic() - began
         return replace(best, iterations=iterations, attempts=attempts, duration=duration)
 
-    def _attempt(self, start, initial, cols: Collisions, terms: Terms, deadline: float) -> KomoResult:
-        """One first guess, with more samples where the path comes too near between them."""
+    def _attempt(self, start, initial, cols: Collisions, terms: Terms, samples: Samples, deadline: float) -> KomoResult:
+        """One first guess, with more samples where the path fails between them."""
         X = np.ascontiguousarray(initial, float).copy()
         prefix = np.ascontiguousarray([start, start], float)
-        options, masks, checked = self.options.pack(), self.masks(), verification(cols)
+        options = self.options.pack()
         extra: list[tuple[int, float]] = []
+        between: list[tuple[int, int, float]] = []
         iterations = 0
+        stride = self.steps // self.options.coarse if self.options.coarse else 1
+        if stride > 1:
+            first = replace(
+                self.options, activity=self.options.coarse_activity, tolerance=self.options.coarse_tolerance
+            )
+            coarse = self.coarse_samples(samples, stride)
+            iterations = solve(X, prefix, self.chain, terms, cols, coarse, first.pack())[3]
         for refinement in range(self.options.refinements + 1):
-            cost, eq, ineq, steps = solve(X, prefix, self.chain, terms, cols, self.samples(extra), options)
+            cost, eq, ineq, steps = solve(X, prefix, self.chain, terms, cols, samples, options)
             iterations += steps
             if not (max(eq, ineq) <= self.options.tolerance and np.isfinite(X).all()):
                 worst = self._worst(X, start, cols)
                 return KomoResult(X, False, cost, eq, ineq, iterations, worst, Status.INFEASIBLE)
-            path = np.concatenate([start[None], X])
-            violation, pair, alpha = between_violations(path, masks, self.chain, checked, VERIFY_STEP)
-            if pair.max(initial=-1) < 0:
+            found = self._between(np.concatenate([start[None], X]), cols)
+            if not found:
                 return KomoResult(X, True, cost, eq, ineq, iterations)
-            step = int(violation.argmax())
             if refinement == self.options.refinements or time.monotonic() > deadline:
                 break
-            extra += self._new_samples(extra, pair, alpha)
-        worst = self._too_near(int(pair[step]), violation[step], step + alpha[step] - 1.0)
-        return KomoResult(X, False, cost, eq, float(violation.max()), iterations, worst, Status.BETWEEN_STEPS)
+            for failure in found:
+                place = self._new_place(extra, failure.step, failure.alpha)
+                if place not in extra:
+                    extra.append(place)
+                if failure.objective is not None:
+                    between.append((failure.objective, *place))
+            samples = self.samples(extra)
+            terms = self.terms(samples, between)
+        worst = max(found, key=lambda failure: failure.amount)
+        return KomoResult(X, False, cost, eq, worst.amount, iterations, worst.text, Status.BETWEEN_STEPS)
 
-    def _new_samples(self, known, pair: np.ndarray, alpha: np.ndarray) -> list[tuple[int, float]]:
-        """Where the violated intervals are to be looked at: at the worst place, or, if that is known, beside it."""
-        new = []
-        for step in np.flatnonzero(pair >= 0):
-            places = [a for t, a in known if t == step] + list(np.arange(self.options.substeps + 1) / self.options.substeps)
-            places = np.array(sorted(places))
-            at = float(alpha[step])
-            if np.abs(places - at).min() > SAMPLE_GAP:
-                new.append((int(step), at))
-                continue
-            gap = int(np.argmax(np.diff(places)))
-            new.append((int(step), float(places[gap : gap + 2].mean())))
-        return new
+    def _between(self, path: np.ndarray, cols: Collisions) -> list["_Failure"]:
+        """What a path (T + 1, n) with its start violates between its steps; the worst of each interval."""
+        violation, pair, alpha = between_violations(path, self.masks(), self.chain, verification(cols), VERIFY_STEP)
+        found = [
+            _Failure(
+                int(t), float(alpha[t]), float(violation[t]), None, self._too_near(pair[t], violation[t], t + alpha[t])
+            )
+            for t in np.flatnonzero(pair >= 0)
+        ]
+        for index, objective in enumerate(self.objectives):
+            found += self._left_between(index, objective, path)
+        return found
+
+    def _left_between(self, index: int, objective: Objective, path: np.ndarray) -> list["_Failure"]:
+        """Where a constraint that holds at both ends of an interval is left between them."""
+        steps = np.asarray(objective.steps)
+        if objective.type == ObjectiveType.SOS or objective.order or objective.params is not None:
+            return []
+        steps = steps[np.isin(steps - 1, steps)]
+        if not len(steps):
+            return []
+        alpha = np.tile(BETWEEN, len(steps))
+        at = np.repeat(steps, len(BETWEEN))
+        points = path[at] + alpha[:, None] * (path[at + 1] - path[at])
+        value = feature_values(
+            points,
+            self.chain,
+            objective.feature.kernel,
+            objective.feature.dim,
+            _frames(objective),
+            objective.feature.params,
+        ) - (0.0 if objective.target is None else np.asarray(objective.target))
+        off = (np.abs(value) if objective.type == ObjectiveType.EQ else value) / _by_unit(objective, BETWEEN_TOLERANCE)
+        found = []
+        for k, step in enumerate(steps):
+            own = off[k * len(BETWEEN) : (k + 1) * len(BETWEEN)]
+            place, component = np.unravel_index(int(own.argmax()), own.shape)
+            if own[place, component] > 1.0:
+                at = float(BETWEEN[place])
+                amount = abs(float(value[k * len(BETWEEN) + place, component]))
+                text = self._named(objective, int(component), amount, step + at)
+                found.append(_Failure(int(step), at, amount, index, text))
+        return found
+
+    def _new_place(self, known, step: int, alpha: float) -> tuple[int, float]:
+        """Where a violated interval is to be looked at: at the worst place, or, if that is known, beside it."""
+        regular = np.arange(self.options.substeps + 1) / self.options.substeps
+        places = np.sort(np.concatenate([regular, [a for t, a in known if t == step]]))
+        if np.abs(places - alpha).min() > SAMPLE_GAP:
+            return step, alpha
+        gap = int(np.argmax(np.diff(places)))
+        return step, float(places[gap : gap + 2].mean())
 
     def first_guess(
-        self, start: np.ndarray, cols: Collisions, terms: Terms, rng: np.random.Generator, attempt: int = 0
+        self,
+        start: np.ndarray,
+        cols: Collisions,
+        terms: Terms,
+        samples: Samples,
+        rng: np.random.Generator,
+        attempt: int = 0,
     ) -> np.ndarray:
         """Straight lines (T, n) between configurations that satisfy the equalities of the ends of the phases.
 
@@ -331,22 +420,35 @@ class KomoProblem:
         before, done = start, 0
         for phase in range(len(self.steps_per_phase)):
             last = self.last(phase)
-            q = self._phase_end(phase, before, cols, terms, rng, attempt)
+            q = self._phase_end(phase, before, cols, terms, samples, rng, attempt)
             if q is None:
                 if phase + 1 < len(self.steps_per_phase):
                     continue  # nothing is asked here: straight on to the next end
                 q = before
-            line = np.linspace(0.0, 1.0, last + 2 - done)[1:, None]
-            path[done : last + 1] = before + line * (q - before)
-            if attempt:
-                path[done : last + 1] += np.sin(np.pi * line) * rng.normal(size=n) * BUMP
+            path[done : last + 1] = self._bridge(before, q, range(done, last + 1), cols, rng, attempt)
             before, done = q, last + 1
-        return np.clip(path, self.chain.lower, self.chain.upper)
+        return path
 
-    def _phase_end(self, phase: int, near: np.ndarray, cols, terms: Terms, rng, attempt: int) -> np.ndarray | None:
+    def _bridge(self, a: np.ndarray, b: np.ndarray, steps: range, cols: Collisions, rng, attempt: int) -> np.ndarray:
+        """A first way (len(steps), n) from a to b: straight at first, then with the bump that is blocked the least."""
+        line = np.linspace(0.0, 1.0, len(steps) + 1)[1:, None]
+        straight = a + line * (b - a)
+        if attempt == 0:
+            return straight
+        masks = self.masks()[steps.start : steps.stop]
+        bumps = np.tile(BUMPS, BRIDGES)[:, None] * rng.normal(size=(BRIDGES * len(BUMPS), len(a)))
+        ways = [
+            straight,
+            *(np.clip(straight + np.sin(np.pi * line) * bump, self.chain.lower, self.chain.upper) for bump in bumps),
+        ]
+        return min(ways, key=lambda way: penetration(way, masks, self.chain, cols))
+
+    def _phase_end(
+        self, phase: int, near: np.ndarray, cols, terms: Terms, samples: Samples, rng, attempt: int
+    ) -> np.ndarray | None:
         """A configuration (n,) for the last step of a phase, near another one; None where nothing is asked of it."""
-        step = self.last(phase)
-        rows = slice(terms.by_step[step], terms.by_step[step + 1])
+        sample = samples.first[self.last(phase) + 1] - 1
+        rows = slice(terms.by_sample[sample], terms.by_sample[sample + 1])
         asked = (terms.order[rows] == 0) & (terms.type[rows] != ObjectiveType.SOS)
         if not (asked & (terms.type[rows] == ObjectiveType.EQ)).any():
             return None
@@ -354,9 +456,9 @@ class KomoProblem:
         own = Terms(
             *(getattr(terms, name)[chosen] for name in ("kernel", "type")), np.zeros(len(chosen), np.int64),
             *(getattr(terms, name)[chosen] for name in ("dim", "scale", "frames", "offset")), terms.params,
-            terms.target[chosen], terms.order[chosen], np.array([0, len(chosen)]), terms.tau,
+            terms.target[chosen], terms.order[chosen], terms.band[chosen], np.array([0, len(chosen)]), terms.tau,
         )  # fmt: skip
-        samples = Samples(np.array([0, 1]), np.ones(1), np.array([self.samples().mask[self.samples().first[step + 1] - 1]]))
+        samples = Samples(np.array([0, 1]), np.ones(1), samples.mask[sample : sample + 1])
         random = rng.uniform(self.chain.lower, self.chain.upper, (IK_STARTS, len(near)))
         starts = random if attempt else np.concatenate([near[None], random])
         found, options = None, IK_OPTIONS.pack()
@@ -374,10 +476,11 @@ class KomoProblem:
 
     def linearise(self, path: np.ndarray, start: np.ndarray) -> Linearisation:
         """Values and Jacobian of all objectives at a path (T, n), for tests and for other solvers."""
-        terms, n = self.terms(), len(start)
+        samples = self.samples()
+        terms, n = self.terms(samples), len(start)
         X = np.ascontiguousarray(path, float)
         prefix = np.ascontiguousarray([start, start], float)
-        found, J = linearise(X, prefix, self.chain, terms, without_pairs(self.arrays()), self.samples())
+        found, J = linearise(X, prefix, self.chain, terms, without_pairs(self.arrays()), samples)
         index = np.repeat(np.arange(len(self.objectives)), [len(o.steps) for o in self.objectives])
         steps = np.concatenate([np.zeros(0, np.int64), *(np.asarray(o.steps, np.int64) for o in self.objectives)])
         index = index[np.argsort(steps, kind="stable")]
@@ -404,31 +507,61 @@ class KomoProblem:
             if objective.type == ObjectiveType.SOS:
                 continue
             off = abs(value) if objective.type == ObjectiveType.EQ else value
-            found.append((off, self._named(objective, component, off, step)))
+            found.append((off, self._named(objective, component, off, step + 1.0)))
         excess = np.maximum(self.chain.lower - X, X - self.chain.upper)
         step, joint = np.unravel_index(int(excess.argmax()), excess.shape)
         found.append((excess[step, joint], f"joint {joint + 1} exceeds its limit by {excess[step, joint]:.2g} at time "
-                      f"{self.time_of(step):.2f}"))  # fmt: skip
+                      f"{self._time(step + 1.0):.2f}"))  # fmt: skip
         path = np.concatenate([start[None], X])
         violation, pair, alpha = between_violations(path, self.masks(), self.chain, cols, VERIFY_STEP)
         step = int(violation.argmax())
         if pair[step] >= 0:
-            found.append((violation[step], self._too_near(int(pair[step]), violation[step], step + alpha[step] - 1.0)))
+            found.append((violation[step], self._too_near(pair[step], violation[step], step + alpha[step])))
         return max(found, key=lambda entry: entry[0])[1]
 
-    def _named(self, objective: Objective, component: int, off: float, step: int) -> str:
-        frames = f" of frames {', '.join(map(str, objective.feature.frames))}" if objective.feature.frames else ""
+    def _named(self, objective: Objective, component: int, off: float, at: float) -> str:
+        """``at``: steps since the start."""
+        used = [str(f) for f in objective.feature.frames if 0 <= f <= len(self.chain.lower)]
+        frames = f" of frames {', '.join(used)}" if used else ""
         kind = objective.type.name.lower()
-        return f"{kind} {objective.feature.name}[{component}]{frames} off by {off:.2g} at time {self.time_of(step):.2f}"
+        return f"{kind} {objective.feature.name}[{component}]{frames} off by {off:.2g} at time {self._time(at):.2f}"
 
-    def _too_near(self, pair: int, violation: float, step: float) -> str:
-        a, b = self.collisions.pair_name(pair)
-        share = step + 1.0 - int(np.floor(step + 1.0))
-        before = int(np.floor(step + 1.0)) - 1
-        begin = self.time_of(before) if before >= 0 else 0.0
-        end = self.time_of(min(before + 1, self.steps - 1))
-        time_at = begin + share * (end - begin)
-        return f"{a} and {b} closer than allowed by {violation * 1e3:.2g} mm at time {time_at:.2f}"
+    def _too_near(self, pair: int, violation: float, at: float) -> str:
+        a, b = self.collisions.pair_name(int(pair))
+        return f"{a} and {b} closer than allowed by {violation * 1e3:.2g} mm at time {self._time(at):.2f}"
+
+    def _time(self, at: float) -> float:
+        """Time in phases of a number of steps since the start."""
+        ends = np.concatenate([[0], np.cumsum(self.steps_per_phase)])
+        phases = [k for k in range(len(ends)) if k == 0 or ends[k] > ends[k - 1]]
+        return float(np.interp(at, ends[phases], phases))
+
+
+@dataclass(frozen=True)
+class _Failure:
+    """Something violated between two steps: in the interval before ``step``, at ``alpha`` of it."""
+
+    step: int
+    alpha: float
+    amount: float
+    objective: int | None
+    text: str
+
+
+def _by_unit(objective: Objective, values: tuple[float, float]) -> np.ndarray:
+    """(dim,) the first value for lengths, the second for angles and directions."""
+    return np.where(np.arange(objective.feature.dim) < objective.feature.lengths, *values)
+
+
+def _frames(objective: Objective) -> np.ndarray:
+    frames = np.zeros(MAX_FRAMES, np.int64)
+    frames[: len(objective.feature.frames)] = objective.feature.frames
+    return frames
+
+
+def _sample_at(samples: Samples, step: int, alpha: float) -> int:
+    own = slice(samples.first[step], samples.first[step + 1])
+    return own.start + int(np.abs(samples.alpha[own] - alpha).argmin())
 
 
 def _excess(result: KomoResult) -> float:

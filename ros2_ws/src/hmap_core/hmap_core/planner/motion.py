@@ -22,9 +22,8 @@ from hmap_core.komo.solver import path_violations
 from hmap_core.komo.transcription import KomoProblem, SolverOptions, relaxed, verification
 from hmap_core.planner.interfaces import RobotContact, SegmentMotion
 from hmap_core.planner.transit import find_transit, resampled
-from hmap_core.transforms import IDENTITY, distance, inverse, multiply, multiply_all
+from hmap_core.transforms import IDENTITY, consistent, distance, inverse, multiply, multiply_all
 from hmap_core.types import Scene, SceneState, Segment, SegmentKind, Trajectory
-from hmap_core.waypoints.resample import consistent
 
 SAMPLE_PERIOD = 0.02  # s between two samples of a plan
 JOINT_STEP = 0.2  # rad between two steps of a transit, about

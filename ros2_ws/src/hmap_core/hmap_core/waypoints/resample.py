@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hmap_core.transforms import distance, quaternion_multiply
+from hmap_core.transforms import consistent, distance, quaternion_multiply
 from hmap_core.waypoints.kernels import between
 
 # successive poses are at most this far apart
@@ -32,15 +32,6 @@ def resample(corners: np.ndarray, rotation_step: float = ROTATION_STEP) -> tuple
         poses.extend(part)
         where.append(len(poses) - 1)
     return consistent(np.array(poses)), np.array(where)
-
-
-def consistent(poses: np.ndarray) -> np.ndarray:
-    """The same poses (M, 7) with quaternions that never turn round between neighbours."""
-    poses = poses.copy()
-    for k in range(1, len(poses)):
-        if poses[k, 3:] @ poses[k - 1, 3:] < 0.0:
-            poses[k, 3:] *= -1.0
-    return poses
 
 
 def direction(a: np.ndarray, b: np.ndarray, radius: float) -> np.ndarray:

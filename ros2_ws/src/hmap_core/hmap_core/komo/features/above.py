@@ -64,6 +64,6 @@ def above(
     )
     frames = (frame, reference)
     return (
-        symbolic_feature("above: standing", _standing, frames, params, "m, 1"),
+        symbolic_feature("above: standing", _standing, frames, params, "m, 1", metres=1),
         symbolic_feature("above: within", _within, frames, params, "m"),
     )

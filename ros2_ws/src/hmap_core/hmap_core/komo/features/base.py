@@ -47,6 +47,7 @@ class Feature:
         frames: numbers of the frames it looks at (0 is the world), at most MAX_FRAMES.
         params: its constants, kernel-specific; offsets, targets. May differ between instances of a batch.
         unit: unit of each component of the value.
+        metres: how many of the components, the first ones, are lengths; None: all if the unit is m, else none.
     """
 
     name: str
@@ -55,3 +56,10 @@ class Feature:
     frames: tuple[int, ...] = ()
     params: np.ndarray = field(default_factory=lambda: np.zeros(0))
     unit: str = "m"
+    metres: int | None = None
+
+    @property
+    def lengths(self) -> int:
+        if self.metres is not None:
+            return self.metres
+        return self.dim if self.unit == "m" else 0

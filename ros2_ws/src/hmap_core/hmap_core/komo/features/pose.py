@@ -8,8 +8,8 @@ from numba import carray, cfunc
 from scipy.spatial.transform import Rotation
 
 from hmap_core.collision.gjk import OPTIONS
-from hmap_core.kinematics.tree import point_jacobian
 from hmap_core.komo.features.base import KERNEL, Feature
+from hmap_core.komo.features.relative import relative_point
 from hmap_core.transforms import rotation_matrix
 
 
@@ -39,14 +39,9 @@ def _kernel(n, R_, p_, first_, prismatic_, q_, frames_, params_, r_, J_):
     first, prismatic = carray(first_, n + 1), carray(prismatic_, n)
     frames, params, r, J = carray(frames_, 2), carray(params_, 24), carray(r_, 6), carray(J_, (6, n))
     a, b = frames[0], frames[1]
-    x0 = p[a, 0] + R[a, 0, 0] * params[0] + R[a, 0, 1] * params[1] + R[a, 0, 2] * params[2]
-    x1 = p[a, 1] + R[a, 1, 0] * params[0] + R[a, 1, 1] * params[1] + R[a, 1, 2] * params[2]
-    x2 = p[a, 2] + R[a, 2, 0] * params[0] + R[a, 2, 1] * params[1] + R[a, 2, 2] * params[2]
+    relative_point(R, p, first, prismatic, a, b, params[0], params[1], params[2], r, J)
     for i in range(3):
-        d0, d1, d2 = R[b, 0, i], R[b, 1, i], R[b, 2, i]
-        r[i] = d0 * (x0 - p[b, 0]) + d1 * (x1 - p[b, 1]) + d2 * (x2 - p[b, 2]) - params[12 + i]
-        point_jacobian(R, p, first, prismatic, a, x0, x1, x2, d0, d1, d2, 1.0, J[i])
-        point_jacobian(R, p, first, prismatic, b, x0, x1, x2, d0, d1, d2, -1.0, J[i])
+        r[i] -= params[12 + i]
     # E = target^T R_b^T R_a offset; its quaternion's vector part, doubled, is the rotation error in the target frame
     E = np.empty((3, 3))
     D = np.empty((3, 3))  # target^T R_b^T: from world to the target's axes
@@ -102,7 +97,10 @@ def pose_params_all(T_frame_offset: np.ndarray, T_reference_target: np.ndarray) 
 def relative_pose(frame: int, T_frame_offset, T_reference_target, reference: int = 0) -> Feature:
     """Pose error (6,): position in metres in the reference frame, then twice the vector part of the error quaternion.
 
-    The second half is the rotation vector for small errors (rad) and stays smooth up to half a turn.
+    The second half is the rotation vector for small errors (rad), 2 sin(angle / 2) in length. It is smooth up to half a
+    turn, where it jumps and where its slope along the error is cos(angle / 2) = 0. Used with order 1 it therefore says
+    "the relative pose stays" only for relative poses well within half a turn of the target; where the relative pose is
+    free, as in a grasp that is chosen, use :func:`~hmap_core.komo.features.stable.stable`.
     """
     params = pose_params(np.asarray(T_frame_offset, float), np.asarray(T_reference_target, float))
-    return Feature("relative_pose", _kernel.address, 6, (frame, reference), params, "m, rad")
+    return Feature("relative_pose", _kernel.address, 6, (frame, reference), params, "m, rad", 3)

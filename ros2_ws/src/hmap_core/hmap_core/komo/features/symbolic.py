@@ -246,6 +246,7 @@ def symbolic_feature(
     params: Sequence[float] | np.ndarray = (),
     unit: str = "m",
     use_compiler: bool = True,
+    metres: int | None = None,
 ) -> Feature:
     """A feature from a CasADi expression.
 
@@ -257,10 +258,11 @@ def symbolic_feature(
         params: (N,) numbers it is used with; they may differ by step and instance without compiling anew.
         unit: unit of the components.
         use_compiler: False to let CasADi evaluate it even where there is a compiler.
+        metres: how many of the components, the first ones, are lengths; see :class:`Feature`.
 
     Raises:
         InputError: too many frames or components.
     """
     params = np.asarray(params, float).reshape(-1)
     made = symbolic_map(name, expression, len(frames), len(params), find_compiler() if use_compiler else None)
-    return Feature(name, _kernel.address, made.dim, (made.address, *frames), params, unit)
+    return Feature(name, _kernel.address, made.dim, (made.address, *frames), params, unit, metres)
