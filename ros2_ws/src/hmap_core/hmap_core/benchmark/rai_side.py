@@ -36,6 +36,7 @@ KEYFRAMES = Settings(target=10.0, collision=1.0, options=CAREFUL)
 PATH = Settings(target=100.0, collision=10.0)
 CONTROL_SCALE = 0.1  # of accelerations
 HOMING_SCALE = 0.1  # of the distance of postures from the start
+KEYFRAME_HOMING_SCALE, KEYFRAME_VELOCITY_SCALE = 0.01, 0.1  # as KOMO_ManipulationHelper.setup_sequence has them
 KEYFRAME_RESTARTS = 8
 KEYFRAME_NOISE = 0.5  # rad
 ROUNDING = 0.005  # m, least radius of RAI's boxes: the depth of an overlap is never more than their radii
@@ -152,11 +153,12 @@ def solve(instance: MotionInstance, prepared: Prepared) -> Answer:
     path = None
     for _ in range(1 + instance.restarts):
         keyframes = _keyframes(ry, instance, prepared, rng)
-        if keyframes is None:
-            continue
         komo = _komo(ry, instance, prepared, instance.steps_per_phase[0], 2, PATH)
         komo.addControlObjective([], 2, CONTROL_SCALE)
-        komo.initWithPath(_straight(instance, keyframes))
+        if keyframes is None:
+            komo.initWithConstant(instance.start)
+        else:
+            komo.initWithPath(_straight(instance, keyframes))
         ok, q = _solved(ry, komo, PATH)
         path = np.concatenate([instance.start[None], q])
         if ok:
@@ -214,10 +216,11 @@ def _keyframes(
 ) -> np.ndarray | None:
     """Postures (phases, n) of the phase ends, where found: KOMO's way-points, with noise round the start."""
     komo = _komo(ry, instance, prepared, 1, 1, KEYFRAMES)
-    komo.addControlObjective([], 0, HOMING_SCALE)
-    shape = len(instance.steps_per_phase), len(instance.start)
-    for noise in (np.zeros(shape), *rng.normal(0.0, KEYFRAME_NOISE, (KEYFRAME_RESTARTS, *shape))):
-        komo.initWithPath(instance.start + noise)
+    komo.addControlObjective([], 0, KEYFRAME_HOMING_SCALE)
+    komo.addControlObjective([], 1, KEYFRAME_VELOCITY_SCALE)
+    n = len(instance.start)
+    for noise in (np.zeros(n), *rng.normal(0.0, KEYFRAME_NOISE, (KEYFRAME_RESTARTS, n))):
+        komo.initWithConstant(instance.start + noise)
         ok, q = _solved(ry, komo, KEYFRAMES)
         if ok:
             return q
