@@ -40,7 +40,7 @@ VERIFY_SHARE = 2.0 / 3.0
 VERIFY_SLACK = 0.0005
 VERIFY_STEP = 0.0005  # m of motion after which the verification looks again at the latest
 SAMPLE_GAP = 0.02  # share of an interval within which two collision samples count as one
-BETWEEN = np.array([0.25, 0.5, 0.75])  # shares of an interval at which constraints of both its ends are verified
+BETWEEN = np.array([0.0, 0.25, 0.5, 0.75])  # shares of an interval at which constraints of both its ends are verified
 # Between its steps a constraint of both ends of an interval may be left by this: m, and rad or share of a unit vector.
 # Where it is left by more it is asked there too, to within the band.
 BETWEEN_TOLERANCE = (5e-4, 4e-3)
@@ -368,31 +368,25 @@ class KomoProblem:
         constant = objective.params is None and objective.order == 0
         if not constant or objective.type == ObjectiveType.SOS or len(objective.steps) < 2:
             return []
-        steps = np.unique(objective.steps)
-        steps = steps[1:][np.diff(steps) == 1]
-        if not len(steps):
-            return []
-        alpha = np.tile(BETWEEN, len(steps))
-        at = np.repeat(steps, len(BETWEEN))
-        points = path[at] + alpha[:, None] * (path[at + 1] - path[at])
+        steps = np.asarray(objective.steps)
+        before = path[steps][:, None]
+        points = before + BETWEEN[:, None] * (path[steps + 1][:, None] - before)
         value = feature_values(
-            points,
-            self.chain,
-            objective.feature.kernel,
-            objective.feature.dim,
-            _frames(objective),
-            objective.feature.params,
-        ) - (0.0 if objective.target is None else np.asarray(objective.target))
+            points.reshape(-1, path.shape[1]), self.chain, objective.feature.kernel, objective.feature.dim,
+            _frames(objective), objective.feature.params,
+        )  # fmt: skip
+        if objective.target is not None:
+            value -= objective.target
+        value = value.reshape(len(steps), len(BETWEEN), -1)
         off = (np.abs(value) if objective.type == ObjectiveType.EQ else value) / _by_unit(objective, BETWEEN_TOLERANCE)
         found = []
-        for k, step in enumerate(steps):
-            own = off[k * len(BETWEEN) : (k + 1) * len(BETWEEN)]
-            place, component = np.unravel_index(int(own.argmax()), own.shape)
-            if own[place, component] > 1.0:
-                at = float(BETWEEN[place])
-                amount = abs(float(value[k * len(BETWEEN) + place, component]))
-                text = self._named(objective, int(component), amount, step + at)
-                found.append(_Failure(int(step), at, amount, index, text))
+        for k in np.flatnonzero((off[:, 0] <= 1.0).all(1) & (off > 1.0).any((1, 2))):
+            place, component = np.unravel_index(int(off[k].argmax()), off[k].shape)
+            step, alpha = int(steps[k]), float(BETWEEN[place])
+            amount = abs(float(value[k, place, component]))
+            found.append(
+                _Failure(step, alpha, amount, index, self._named(objective, int(component), amount, step + alpha))
+            )
         return found
 
     def _new_place(self, known, step: int, alpha: float) -> tuple[int, float]:
