@@ -9,9 +9,16 @@ import time
 import numpy as np
 
 from hmap_core.compile_cache import remove_old_caches
+from hmap_core.kinematics.arm import load_arm
+from hmap_core.komo.features import joint_position
+from hmap_core.komo.objective import ObjectiveType
+from hmap_core.komo.skeleton import Skeleton, SkeletonEntry
+from hmap_core.komo.skeleton_problem import SkeletonProblem
+from hmap_core.komo.transcription import IK_OPTIONS, KomoProblem, solve_ik
+from hmap_core.komo.workspace import Workspace
 from hmap_core.planner import plan
 from hmap_core.scenes import load_scene
-from hmap_core.transforms import from_rpy, pose
+from hmap_core.transforms import from_rpy, multiply, pose
 from hmap_core.types import Body, BodyKind, Shape, ShapeKind
 from hmap_core.waypoints import ObjectPathProblem, plan_waypoints
 
@@ -31,11 +38,30 @@ def _spatial_path() -> None:
     plan_waypoints(problem, np.random.default_rng(0), TIME_LIMIT)
 
 
+def _motions() -> None:
+    """Motions from skeletons: one from nothing, one that cannot be, one with a velocity."""
+    workspace = Workspace(load_scene(TASKS[1]), robots=["panda_1"])
+    start = workspace.scene.robots["panda_1"]
+    for ahead in (0.05, 3.0):  # m; the second is out of reach
+        there = multiply(multiply(start.base_pose, load_arm(start.model).end_effector(start.q)), pose((0, 0, -ahead)))
+        skeleton = Skeleton([SkeletonEntry(1, 1, "pose_eq", ("panda_1",), there)])
+        problem = SkeletonProblem(skeleton, workspace, steps_per_phase=40)
+        n = len(workspace.start)
+        problem.add_objective(joint_position(np.zeros(n)), ObjectiveType.SOS, (1.0,), order=1)
+        problem.add_objective(joint_position(np.full(n, 9.0)), ObjectiveType.INEQ)
+        problem.solve(workspace.start, restarts=1)
+        solve_ik(
+            KomoProblem(problem.chain, (1,), problem.collisions, IK_OPTIONS, problem.objectives[:0]), np.zeros(0),
+            workspace.start[None], workspace.start,
+        )  # fmt: skip
+
+
 def main() -> int:
     remove_old_caches()
     began = time.monotonic()
     for name, job in [(task, lambda task=task: plan(load_scene(task), time_limit=TIME_LIMIT)) for task in TASKS] + [
-        ("a path in space", _spatial_path)
+        ("a path in space", _spatial_path),
+        ("motions from skeletons", _motions),
     ]:
         print(f"compiling for {name} ...", file=sys.stderr, flush=True)
         job()
