@@ -113,13 +113,9 @@ def convex_set(shapes: Sequence[Shape]) -> ConvexSet:
 
 def transformed(shapes: ConvexSet, T: np.ndarray) -> ConvexSet:
     """The same shapes seen from a frame in which theirs has the pose T (7,)."""
+    R, p = rotation_matrix(T).T, T[:3]
     return ConvexSet(
-        np.ascontiguousarray(apply(T, shapes.vertices)),
-        shapes.start,
-        shapes.radius,
-        apply(T, shapes.center),
-        shapes.bound,
-        shapes.edges,
+        shapes.vertices @ R + p, shapes.start, shapes.radius, shapes.center @ R + p, shapes.bound, shapes.edges
     )
 
 
@@ -152,8 +148,23 @@ def sets_closer(VA, sA, radA, cA, bA, RA, pA, VB, sB, radB, cB, bB, RB, pB, marg
 
 
 @nb.njit(**OPTIONS)
-def sets_distance(VA, sA, radA, cA, bA, RA, pA, VB, sB, radB, cB, bB, RB, pB, cutoff):
-    """Smallest signed distance (m) between two sets, or a value above ``cutoff`` when they are farther apart."""
+def _rotation(T):
+    """Rotation matrix (3, 3) of a pose (7,); in compiled code, as it takes longer to call than to do."""
+    x, y, z, w = T[3], T[4], T[5], T[6]
+    R = np.empty((3, 3))
+    R[0, 0], R[0, 1], R[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
+    R[1, 0], R[1, 1], R[1, 2] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
+    R[2, 0], R[2, 1], R[2, 2] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
+    return R
+
+
+@nb.njit(**OPTIONS)
+def sets_distance(VA, sA, radA, cA, bA, T_a, VB, sB, radB, cB, bB, T_b, cutoff):
+    """Smallest signed distance (m) of two sets at poses (7,), or a value above ``cutoff`` when they are farther apart.
+
+    The other arrays are those of ConvexSet.
+    """
+    RA, pA, RB, pB = _rotation(T_a), T_a[:3], _rotation(T_b), T_b[:3]
     witness = np.empty((3, 3))
     work = np.zeros((20, 3))
     best = FAR
@@ -173,6 +184,6 @@ def sets_distance(VA, sA, radA, cA, bA, RA, pA, VB, sB, radB, cB, bB, RB, pB, cu
 def set_distance(A: ConvexSet, T_a: np.ndarray, B: ConvexSet, T_b: np.ndarray, cutoff: float = FAR) -> float:
     """Smallest signed distance in metres between two sets at poses (7,); above ``cutoff`` only a bound."""
     return sets_distance(
-        A.vertices, A.start, A.radius, A.center, A.bound, rotation_matrix(T_a), T_a[:3],
-        B.vertices, B.start, B.radius, B.center, B.bound, rotation_matrix(T_b), T_b[:3], cutoff,
+        A.vertices, A.start, A.radius, A.center, A.bound, T_a,
+        B.vertices, B.start, B.radius, B.center, B.bound, T_b, cutoff,
     )  # fmt: skip

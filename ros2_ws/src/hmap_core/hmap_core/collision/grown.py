@@ -4,11 +4,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hmap_core.collision.edges import NO_EDGES
-from hmap_core.collision.scene_model import CollisionModel, Collisions
-
-_PER_PAIR = ("a", "b", "margin", "phases", "closing")
-_POINT = np.zeros((1, 3)), 0.0, np.zeros(3), 0.0, NO_EDGES  # stands in for a shape that is packed already
+from hmap_core.collision.scene_model import LEAST_SPEED, CollisionModel, Collisions
 
 
 class BaseModel(CollisionModel):
@@ -33,12 +29,20 @@ class GrownModel(CollisionModel):
 
     def arrays(self) -> Collisions:
         """As :meth:`CollisionModel.arrays`."""
-        base, S = self._base.packed, len(self._base.hulls)
-        new = CollisionModel(
-            [_POINT] * S + self.hulls[S:], self.frames, self.names, self.pairs[len(self._base.pairs) :], self.speeds
-        ).arrays()
-        added = {name: array if name in _PER_PAIR else array[S:] for name, array in new._asdict().items()}
-        added["start"] = new.start[S + 1 :] - S + len(base.vertices)
-        added["edge"] = new.edge[S + 1 :] + len(base.edges)
-        added["edges"] = new.edges
-        return Collisions(*(np.concatenate([getattr(base, name), added[name]]) for name in Collisions._fields))
+        base, S, P = self._base.packed, len(self._base.hulls), len(self._base.pairs)
+        new = CollisionModel(self.hulls[S:], self.frames[S:], self.names[S:], [], self.speeds[S:]).arrays()
+        speed = np.concatenate([base.speed, new.speed])
+        a, b, margin, phases, closing = _packed_pairs(self.pairs[P:], speed)
+        added = new._replace(
+            start=new.start[1:] + len(base.vertices), edge=new.edge[1:] + len(base.edges),
+            a=a, b=b, margin=margin, phases=phases, closing=closing,
+        )  # fmt: skip
+        return Collisions(*map(np.concatenate, zip(base, added, strict=True)))
+
+
+def _packed_pairs(pairs: list[tuple[int, int, float, int]], speed: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Shapes a, b (P,), margin (P,), phases (P,) and closing (P,) of pairs, as in :class:`Collisions`."""
+    a, b, margin, phases = zip(*pairs, strict=True) if pairs else ((),) * 4
+    a, b = np.array(a, np.int64), np.array(b, np.int64)
+    closing = np.maximum(speed[a] + speed[b], LEAST_SPEED)
+    return a, b, np.array(margin, float), np.array(phases, np.int64), closing

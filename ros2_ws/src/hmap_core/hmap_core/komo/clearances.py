@@ -166,16 +166,20 @@ class Clearances:
         model.keep_apart(stay.shapes, far, HELD_CLEARANCE, stay.phases)
 
     def _nearest(self, stay: _Stay) -> dict[str, float]:
-        """How near a body is for certain to what stands around, where that is near at all."""
-        own, boxes = self._workspace.shapes[stay.name], self._around.boxes
+        """How near a body is for certain to what stands around and does not support it, where that is near at all."""
         nearest: dict[str, float] = {}
+        if not stay.known:
+            return nearest
+        own, boxes = self._workspace.shapes[stay.name], self._around.boxes
+        points = np.array([apply(T, own.vertices) for T in stay.known])
+        low, high = points.min(1)[:, None], points.max(1)[:, None]
+        gap = np.maximum(boxes[:, 0] - high, low - boxes[:, 1]).max(2) - own.radius.max()
         names = list(self._around.sets)
-        for T in stay.known:
-            points, swept = apply(T, own.vertices), own.radius.max()
-            gap = np.maximum(boxes[:, 0] - points.max(0), points.min(0) - boxes[:, 1]).max(1) - swept
-            for k in np.flatnonzero(gap < HELD_CLEARANCE + TOUCH_ALLOWANCE):
-                d = self._nearness(self._around.sets[names[k]], IDENTITY, stay.name, T, HELD_CLEARANCE)
-                nearest[names[k]] = min(d, nearest.get(names[k], np.inf))
+        for i, k in zip(*np.nonzero(gap < HELD_CLEARANCE + TOUCH_ALLOWANCE), strict=True):
+            name = names[k]
+            if (stay.name, name) not in self._above:
+                d = self._nearness(self._around.sets[name], IDENTITY, stay.name, stay.known[i], HELD_CLEARANCE)
+                nearest[name] = min(d, nearest.get(name, np.inf))
         return nearest
 
     def _keep_bodies_apart(self, model: CollisionModel, a: _Stay, b: _Stay) -> None:
