@@ -1,6 +1,8 @@
 """A collision model that grew from another: packs for the compiled code only what is new."""
 
+from collections.abc import Sequence
 from functools import cached_property
+from itertools import accumulate
 
 import numpy as np
 
@@ -30,19 +32,42 @@ class GrownModel(CollisionModel):
     def arrays(self) -> Collisions:
         """As :meth:`CollisionModel.arrays`."""
         base, S, P = self._base.packed, len(self._base.hulls), len(self._base.pairs)
-        new = CollisionModel(self.hulls[S:], self.frames[S:], self.names[S:], [], self.speeds[S:]).arrays()
-        speed = np.concatenate([base.speed, new.speed])
-        a, b, margin, phases, closing = _packed_pairs(self.pairs[P:], speed)
-        added = new._replace(
-            start=new.start[1:] + len(base.vertices), edge=new.edge[1:] + len(base.edges),
-            a=a, b=b, margin=margin, phases=phases, closing=closing,
-        )  # fmt: skip
-        return Collisions(*map(np.concatenate, zip(base, added, strict=True)))
+        vertices, radius, center, bound, edges = _columns(self.hulls[S:], 5)
+        a, b, margin, phases = _columns(self.pairs[P:], 4)
+        points, start = np.concatenate([base.vertices, *vertices]), _ends(base.vertices, vertices)
+        low, high = (f.reduceat(points, start[:-1]) for f in (np.minimum, np.maximum))
+        swept = np.array(radius, float)[:, None]
+        speed = _longer(base.speed, self.speeds[S:])
+        a, b = np.array(a, np.int64), np.array(b, np.int64)
+        return Collisions(
+            points,
+            _longer(base.start, start[1:]),
+            _longer(base.radius, radius),
+            _longer(base.center, center),
+            _longer(base.bound, bound),
+            np.concatenate([base.low, low - swept]),
+            np.concatenate([base.high, high + swept]),
+            _longer(base.frame, self.frames[S:]),
+            np.concatenate([base.a, a]),
+            np.concatenate([base.b, b]),
+            _longer(base.margin, margin),
+            _longer(base.phases, phases),
+            speed,
+            np.concatenate([base.edges, *edges]),
+            _longer(base.edge, _ends(base.edges, edges)[1:]),
+            np.concatenate([base.closing, np.maximum(speed[a] + speed[b], LEAST_SPEED)]),
+        )
 
 
-def _packed_pairs(pairs: list[tuple[int, int, float, int]], speed: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Shapes a, b (P,), margin (P,), phases (P,) and closing (P,) of pairs, as in :class:`Collisions`."""
-    a, b, margin, phases = zip(*pairs, strict=True) if pairs else ((),) * 4
-    a, b = np.array(a, np.int64), np.array(b, np.int64)
-    closing = np.maximum(speed[a] + speed[b], LEAST_SPEED)
-    return a, b, np.array(margin, float), np.array(phases, np.int64), closing
+def _columns(rows: list[tuple], count: int) -> tuple[tuple, ...]:
+    return tuple(zip(*rows, strict=True)) if rows else ((),) * count
+
+
+def _ends(array: np.ndarray, added: tuple[np.ndarray, ...]) -> np.ndarray:
+    """Where an array ends, and where it does after each array that is added to it."""
+    return np.array([*accumulate(map(len, added), initial=len(array))], np.int64)
+
+
+def _longer(array: np.ndarray, rows: Sequence) -> np.ndarray:
+    """An array with more rows."""
+    return np.concatenate([array, np.array(rows, array.dtype).reshape(-1, *array.shape[1:])])

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hmap_core.collision.convex import ConvexSet, set_distance, transformed
+from hmap_core.collision.convex import ConvexSet, set_distance
 from hmap_core.collision.grown import GrownModel
 from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.komo.manipulation import free_opening
@@ -97,15 +97,13 @@ class Clearances:
         return tuple(found.items())
 
     def _stays(self, model: CollisionModel, name: str) -> list[_Stay]:
-        own = self._workspace.shapes[name]
         runs = self._timeline.runs(name)
         stays = []
         for k, (place, phases) in enumerate(runs):
-            shapes = transformed(own, place.T)
+            shapes = self._workspace.posed(name, place.T)
             speed = 1.0
             if place.robot is not None:
-                extent = (np.linalg.norm(shapes.center, axis=1) + shapes.bound).max()
-                speed = self._workspace.speed(place.robot, float(extent))
+                speed = self._workspace.speed(place.robot, shapes)
             number = model.add_set(name, shapes, place.frame, speed)
             neighbours = [run[0].T for run in runs[max(0, k - 1) : k + 2] if run[0].frame == 0]
             stays.append(_Stay(name, place, number, mask(phases), neighbours + self._targets(name, phases)))

@@ -142,8 +142,7 @@ class Manipulation:
         """The object on the hand, between two places (7,)."""
         arm, own = around.arms[self.robot], self._own
         carried = transformed(own, multiply(self.T_tip_ee, inverse(contact.T_obj_ee)))
-        extent = np.linalg.norm(carried.center, axis=1) + carried.bound
-        held = model.add_set(self.object, carried, self.tip, self._workspace.speed(self.robot, float(extent.max())))
+        held = model.add_set(self.object, carried, self.tip, self._workspace.speed(self.robot, carried))
         model.keep_apart(arm.base + arm.upper, held, OBJECT_CLEARANCE, bit(Phase.HOLD))
         for name, shapes in around.standing.items():
             margin = HELD_CLEARANCE

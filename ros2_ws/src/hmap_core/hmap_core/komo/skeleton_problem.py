@@ -78,7 +78,7 @@ class SkeletonProblem(KomoProblem):
             entry.reject("nothing holds it then, so that it could move")
         return list(found.values())
 
-    # --- objectives
+    # --- objectives; their steps are those of phases that there are, so that there is nothing to check
 
     def _add_touch(self, entry: SkeletonEntry) -> None:
         self._meet(entry, self.steps_of(entry))
@@ -106,7 +106,7 @@ class SkeletonProblem(KomoProblem):
             met.setdefault((id(hand), id(touched)), (hand, touched, []))[2].extend(own)
         for hand, touched, steps in met.values():
             feature = relative_pose(hand.frame, hand.T, multiply(touched.T, T_contact), touched.frame)
-            self.add(Objective(feature, ObjectiveType.EQ, steps))
+            self.objectives.append(Objective(feature, ObjectiveType.EQ, steps))
 
     def _add_pose(self, entry: SkeletonEntry) -> None:
         pairs = self._pairs(entry)
@@ -114,11 +114,13 @@ class SkeletonProblem(KomoProblem):
         for a, b, steps in pairs:
             if entry.target.ndim == 1:
                 feature = relative_pose(a.frame, a.T, multiply(b.T, entry.target), b.frame)
-                self.add(Objective(feature, ObjectiveType.EQ, steps))
+                self.objectives.append(Objective(feature, ObjectiveType.EQ, steps))
             else:
                 targets = multiply_all(b.T, np.array([rows[s] for s in steps]))
                 feature = relative_pose(a.frame, a.T, targets[0], b.frame)
-                self.add(Objective(feature, ObjectiveType.EQ, steps, params=pose_params_all(a.T, targets)))
+                self.objectives.append(
+                    Objective(feature, ObjectiveType.EQ, steps, params=pose_params_all(a.T, targets))
+                )
 
     def _add_position(self, entry: SkeletonEntry) -> None:
         pairs = self._pairs(entry)
@@ -127,7 +129,7 @@ class SkeletonProblem(KomoProblem):
             targets = apply(b.T, np.array([rows[s] for s in steps]))
             feature = relative_position(a.frame, a.T[:3], targets[0], b.frame)
             params = np.concatenate([np.tile(a.T[:3], (len(steps), 1)), targets], axis=1)
-            self.add(Objective(feature, ObjectiveType.EQ, steps, params=params))
+            self.objectives.append(Objective(feature, ObjectiveType.EQ, steps, params=params))
 
     def _add_above(self, entry: SkeletonEntry) -> None:
         name, support = entry.frames
@@ -135,8 +137,8 @@ class SkeletonProblem(KomoProblem):
         T_top, half_size = self.workspace.top(support)
         for a, b, steps in self._pairs(entry):
             standing, within = above(a.frame, multiply(a.T, T_up), bottom, multiply(b.T, T_top), half_size, b.frame)
-            self.add(Objective(standing, ObjectiveType.EQ, steps))
-            self.add(Objective(within, ObjectiveType.INEQ, steps))
+            self.objectives.append(Objective(standing, ObjectiveType.EQ, steps))
+            self.objectives.append(Objective(within, ObjectiveType.INEQ, steps))
 
     def _add_home(self, entry: SkeletonEntry) -> None:
         robots = self.workspace.robots
@@ -146,7 +148,7 @@ class SkeletonProblem(KomoProblem):
         target = home if entry.target is None else np.asarray(entry.target, float)
         if target.shape != home.shape:
             entry.reject(f"its target must be {len(home)} joints")
-        self.add(Objective(joint_position(target), ObjectiveType.EQ, self.steps_of(entry)))
+        self.objectives.append(Objective(joint_position(target), ObjectiveType.EQ, self.steps_of(entry)))
 
     # --- results
 

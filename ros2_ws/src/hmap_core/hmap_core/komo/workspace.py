@@ -1,12 +1,13 @@
 """What does not change between the skeletons of one scene: where things are, and which robots move."""
 
+import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hmap_core.collision.convex import ConvexSet
+from hmap_core.collision.convex import ConvexSet, transformed
 from hmap_core.exceptions import Code, InputError
 from hmap_core.kinematics.arm import Arm, load_arm
 from hmap_core.kinematics.model import KinematicModel, PlacedArm
@@ -48,6 +49,7 @@ class Workspace:
         placed = [(name, scene.robots[name]) for name in self.robots]
         self.model = KinematicModel([PlacedArm(n, load_arm(r.model), r.base_pose) for n, r in placed])
         self._surroundings: dict[tuple, Surroundings] = {}
+        self._posed: dict[str, ConvexSet] = {}
         self._tops: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self._upright: dict[str, tuple[np.ndarray, float]] = {}
         self._hands = {name: self._hand(name) for name in scene.robots}
@@ -77,8 +79,9 @@ class Workspace:
         placed, offset = self.model.arms[robot], self.model.offset[robot]
         return multiply_all(placed.T_world_base, placed.arm.end_effectors(path[:, offset : offset + placed.arm.n]))
 
-    def speed(self, robot: str, extent: float) -> float:
-        """How much farther than the chain's reach says something may move that sticks out of a tip by extent (m)."""
+    def speed(self, robot: str, shapes: ConvexSet) -> float:
+        """How much farther than the chain's reach says shapes may move that are given in the frame of a tip."""
+        extent = max(math.hypot(*c) + bound for c, bound in zip(shapes.center.tolist(), shapes.bound, strict=True))
         beyond, reach = self._leverage[robot]
         return float(max(1.0, ((beyond + extent) / reach).max(initial=0.0)))
 
@@ -89,6 +92,14 @@ class Workspace:
             around = {name: shapes for name, shapes in self.shapes.items() if name not in handled}
             self._surroundings[key] = collect(self.scene, self.state, self.model, around, openings)
         return self._surroundings[key]
+
+    def posed(self, body: str, T: np.ndarray) -> ConvexSet:
+        """A body's shapes seen from a frame in which it has the pose T (7,)."""
+        if T is not self.state.poses[body]:
+            return transformed(self.shapes[body], T)
+        if body not in self._posed:
+            self._posed[body] = transformed(self.shapes[body], T)
+        return self._posed[body]
 
     def top(self, support: str) -> tuple[np.ndarray, np.ndarray]:
         """Middle of a body's top as a pose (7,) in its frame, and half extents (2,) of the body there, m."""
