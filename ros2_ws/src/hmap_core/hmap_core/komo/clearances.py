@@ -21,7 +21,7 @@ from hmap_core.komo.margins import HELD_CLEARANCE, OBJECT_CLEARANCE, TOUCH_ALLOW
 from hmap_core.komo.skeleton import SkeletonEntry, Symbol
 from hmap_core.komo.surroundings import Part
 from hmap_core.komo.timeline import Place, Timeline
-from hmap_core.transforms import IDENTITY, apply, inverse, multiply
+from hmap_core.transforms import IDENTITY, inverse, multiply
 from hmap_core.types import ContactPoint
 
 
@@ -152,7 +152,8 @@ class Clearances:
         return set_distance(shapes, T_shapes, own, T, clearance + TOUCH_ALLOWANCE)
 
     def _keep_from_surroundings(self, model: CollisionModel, stay: _Stay) -> None:
-        nearest = self._nearest(stay)
+        own, cutoff = self._workspace.shapes[stay.name], HELD_CLEARANCE + TOUCH_ALLOWANCE
+        nearest = self._around.nearest(own, stay.known, cutoff)
         far: list[int] = []
         for name, shapes in self._around.standing.items():
             if (stay.name, name) in self._above:
@@ -162,23 +163,6 @@ class Clearances:
             else:
                 far += shapes
         model.keep_apart(stay.shapes, far, HELD_CLEARANCE, stay.phases)
-
-    def _nearest(self, stay: _Stay) -> dict[str, float]:
-        """How near a body is for certain to what stands around and does not support it, where that is near at all."""
-        nearest: dict[str, float] = {}
-        if not stay.known:
-            return nearest
-        own, boxes = self._workspace.shapes[stay.name], self._around.boxes
-        points = np.array([apply(T, own.vertices) for T in stay.known])
-        low, high = points.min(1)[:, None], points.max(1)[:, None]
-        gap = np.maximum(boxes[:, 0] - high, low - boxes[:, 1]).max(2) - own.radius.max()
-        names = list(self._around.sets)
-        for i, k in zip(*np.nonzero(gap < HELD_CLEARANCE + TOUCH_ALLOWANCE), strict=True):
-            name = names[k]
-            if (stay.name, name) not in self._above:
-                d = self._nearness(self._around.sets[name], IDENTITY, stay.name, stay.known[i], HELD_CLEARANCE)
-                nearest[name] = min(d, nearest.get(name, np.inf))
-        return nearest
 
     def _keep_bodies_apart(self, model: CollisionModel, a: _Stay, b: _Stay) -> None:
         """Two handled bodies, of which one at least moves."""

@@ -205,7 +205,7 @@ class KomoProblem:
         """Where collisions are looked at: ``substeps`` places per interval, and ``extra`` ones (step, alpha)."""
         S, T = self.options.substeps, self.steps
         step = np.repeat(np.arange(T), S)
-        alpha = np.broadcast_to(np.arange(1, S + 1) / S, (T, S)).ravel()
+        alpha = (np.zeros((T, 1)) + np.arange(1, S + 1) / S).ravel()
         if extra:
             step = np.concatenate([step, [t for t, _ in extra]]).astype(np.int64)
             alpha = np.concatenate([alpha, [a for _, a in extra]])
