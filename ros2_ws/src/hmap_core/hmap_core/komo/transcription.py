@@ -215,7 +215,7 @@ class KomoProblem:
         ends = masks.copy()
         ends[:-1] |= masks[1:]  # a step at a mode switch is in both phases
         mask = np.where(alpha == 1.0, ends[step], masks[step])
-        return Samples(np.searchsorted(step, np.arange(T + 1)), alpha, mask)
+        return Samples(step.searchsorted(np.arange(T + 1)), alpha, mask)
 
     def terms(self, samples: Samples | None = None, between: Sequence[tuple[int, int, float]] = ()) -> Terms:
         """Objectives unrolled over their steps, ordered by sample.
@@ -248,7 +248,7 @@ class KomoProblem:
             index, step = np.concatenate([index, own]), np.concatenate([step, steps])
             at = np.concatenate([at, places])
             offset = np.concatenate([offset, table[own, -3]])
-        order = np.argsort(at, kind="stable")
+        order = at.argsort(kind="stable")
         index, at = index[order], at[order]
         kernel, kind, dim, difference = table[:, :4].T.take(index, axis=1)
         band = np.zeros((len(index), MAX_DIM))
@@ -259,7 +259,7 @@ class KomoProblem:
             if o.target is not None:
                 target[k, : o.feature.dim] = o.target
         scale = np.array([o.scale for o in self.objectives], float)[index]
-        by_sample = np.searchsorted(at, np.arange(len(samples.alpha) + 1))
+        by_sample = at.searchsorted(np.arange(len(samples.alpha) + 1))
         return Terms(
             kernel, kind, step[order], dim, scale, table[:, 4:-3].take(index, axis=0), offset[order],
             np.concatenate([*params, np.zeros(1)]), target[index], difference, band, by_sample, float(self.tau),
