@@ -53,14 +53,17 @@ def _rotated(q: Sequence[float], v: Sequence[float]) -> tuple[float, float, floa
 
 def rotation_matrix(T: np.ndarray) -> np.ndarray:
     """Rotation matrix (3, 3) of a pose (7,)."""
+    return np.array(rotation_numbers(T)).reshape(3, 3)
+
+
+def rotation_numbers(T: np.ndarray) -> tuple[float, ...]:
+    """The nine numbers of a pose's rotation matrix, row by row."""
     x, y, z, w = _numbers(T)[3:]
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return (
+        1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w),
+        2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
+        2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y),
+    )  # fmt: skip
 
 
 def quaternion_multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:

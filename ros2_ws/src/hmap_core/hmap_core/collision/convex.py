@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull
 from hmap_core.collision.edges import hull_edges
 from hmap_core.collision.gjk import FAR, OPTIONS, distance_within, signed_distance
 from hmap_core.exceptions import Code, InputError
-from hmap_core.transforms import apply, rotation_matrix
+from hmap_core.transforms import apply
 from hmap_core.types import Shape, ShapeKind
 
 CYLINDER_SIDES = 32  # the polygon is drawn round the circle: at most 0.5 % of the radius too large, never too small
@@ -111,16 +111,30 @@ def convex_set(shapes: Sequence[Shape]) -> ConvexSet:
     return from_hulls([hull_vertices(shape) for shape in shapes])
 
 
+@nb.njit(**OPTIONS)
+def _rotation(T):
+    """Rotation matrix (3, 3) of a pose (7,); in compiled code, as it takes longer to call than to do."""
+    x, y, z, w = T[3], T[4], T[5], T[6]
+    R = np.empty((3, 3))
+    R[0, 0], R[0, 1], R[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
+    R[1, 0], R[1, 1], R[1, 2] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
+    R[2, 0], R[2, 1], R[2, 2] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
+    return R
+
+
+@nb.njit(**OPTIONS)
+def _moved(points, T):
+    R, found = _rotation(T), np.empty((len(points), 3))
+    for i in range(len(points)):
+        for x in range(3):
+            found[i, x] = R[x, 0] * points[i, 0] + R[x, 1] * points[i, 1] + R[x, 2] * points[i, 2] + T[x]
+    return found
+
+
 def transformed(shapes: ConvexSet, T: np.ndarray) -> ConvexSet:
     """The same shapes seen from a frame in which theirs has the pose T (7,)."""
-    return ConvexSet(
-        np.ascontiguousarray(apply(T, shapes.vertices)),
-        shapes.start,
-        shapes.radius,
-        apply(T, shapes.center),
-        shapes.bound,
-        shapes.edges,
-    )
+    vertices, center = _moved(shapes.vertices, T), _moved(shapes.center, T)
+    return ConvexSet(vertices, shapes.start, shapes.radius, center, shapes.bound, shapes.edges)
 
 
 @nb.njit(**OPTIONS)
@@ -152,8 +166,12 @@ def sets_closer(VA, sA, radA, cA, bA, RA, pA, VB, sB, radB, cB, bB, RB, pB, marg
 
 
 @nb.njit(**OPTIONS)
-def sets_distance(VA, sA, radA, cA, bA, RA, pA, VB, sB, radB, cB, bB, RB, pB, cutoff):
-    """Smallest signed distance (m) between two sets, or a value above ``cutoff`` when they are farther apart."""
+def sets_distance(VA, sA, radA, cA, bA, T_a, VB, sB, radB, cB, bB, T_b, cutoff):
+    """Smallest signed distance (m) of two sets at poses (7,), or a value above ``cutoff`` when they are farther apart.
+
+    The other arrays are those of ConvexSet.
+    """
+    RA, pA, RB, pB = _rotation(T_a), T_a[:3], _rotation(T_b), T_b[:3]
     witness = np.empty((3, 3))
     work = np.zeros((20, 3))
     best = FAR
@@ -170,9 +188,32 @@ def sets_distance(VA, sA, radA, cA, bA, RA, pA, VB, sB, radB, cB, bB, RB, pB, cu
     return best
 
 
+@nb.njit(**OPTIONS)
+def sets_nearest(VA, sA, radA, cA, bA, places, VB, sB, radB, cB, bB, owner, best):
+    """Lowers best (N,) to the distances (m) of set A, at any of its places (K, 7), from the owners (SB,) of set B.
+
+    Set B is where it is given. The other arrays are those of ConvexSet.
+    """
+    witness = np.empty((3, 3))
+    work = np.zeros((20, 3))
+    RB, pB = np.eye(3), np.zeros(3)
+    for k in range(len(places)):
+        RA, pA = _rotation(places[k]), places[k, :3]
+        for i in range(len(radA)):
+            for j in range(len(radB)):
+                limit = best[owner[j]]
+                if _centers_apart(cA[i], RA, pA, cB[j], RB, pB) - bA[i] - bB[j] > limit:
+                    continue
+                work[0, :] = pA
+                d = distance_within(
+                    VA[sA[i] : sA[i + 1]], RA, pA, radA[i], VB[sB[j] : sB[j + 1]], RB, pB, radB[j], limit, witness, work
+                )
+                best[owner[j]] = min(limit, d)
+
+
 def set_distance(A: ConvexSet, T_a: np.ndarray, B: ConvexSet, T_b: np.ndarray, cutoff: float = FAR) -> float:
     """Smallest signed distance in metres between two sets at poses (7,); above ``cutoff`` only a bound."""
     return sets_distance(
-        A.vertices, A.start, A.radius, A.center, A.bound, rotation_matrix(T_a), T_a[:3],
-        B.vertices, B.start, B.radius, B.center, B.bound, rotation_matrix(T_b), T_b[:3], cutoff,
+        A.vertices, A.start, A.radius, A.center, A.bound, T_a,
+        B.vertices, B.start, B.radius, B.center, B.bound, T_b, cutoff,
     )  # fmt: skip

@@ -1,14 +1,12 @@
 """A collision model that grew from another: packs for the compiled code only what is new."""
 
+from collections.abc import Sequence
 from functools import cached_property
+from itertools import accumulate
 
 import numpy as np
 
-from hmap_core.collision.edges import NO_EDGES
-from hmap_core.collision.scene_model import CollisionModel, Collisions
-
-_PER_PAIR = ("a", "b", "margin", "phases", "closing")
-_POINT = np.zeros((1, 3)), 0.0, np.zeros(3), 0.0, NO_EDGES  # stands in for a shape that is packed already
+from hmap_core.collision.scene_model import LEAST_SPEED, CollisionModel, Collisions
 
 
 class BaseModel(CollisionModel):
@@ -33,12 +31,43 @@ class GrownModel(CollisionModel):
 
     def arrays(self) -> Collisions:
         """As :meth:`CollisionModel.arrays`."""
-        base, S = self._base.packed, len(self._base.hulls)
-        new = CollisionModel(
-            [_POINT] * S + self.hulls[S:], self.frames, self.names, self.pairs[len(self._base.pairs) :], self.speeds
-        ).arrays()
-        added = {name: array if name in _PER_PAIR else array[S:] for name, array in new._asdict().items()}
-        added["start"] = new.start[S + 1 :] - S + len(base.vertices)
-        added["edge"] = new.edge[S + 1 :] + len(base.edges)
-        added["edges"] = new.edges
-        return Collisions(*(np.concatenate([getattr(base, name), added[name]]) for name in Collisions._fields))
+        base, S, P = self._base.packed, len(self._base.hulls), len(self._base.pairs)
+        vertices, radius, center, bound, edges = _columns(self.hulls[S:], 5)
+        a, b, margin, phases = _columns(self.pairs[P:], 4)
+        points, start = np.concatenate([base.vertices, *vertices]), _ends(base.vertices, vertices)
+        low, high = (f.reduceat(points, start[:-1]) for f in (np.minimum, np.maximum))
+        swept = np.array(radius, float)[:, None]
+        speed = _longer(base.speed, self.speeds[S:])
+        a, b = np.array(a, np.int64), np.array(b, np.int64)
+        return Collisions(
+            points,
+            _longer(base.start, start[1:]),
+            _longer(base.radius, radius),
+            _longer(base.center, center),
+            _longer(base.bound, bound),
+            np.concatenate([base.low, low - swept]),
+            np.concatenate([base.high, high + swept]),
+            _longer(base.frame, self.frames[S:]),
+            np.concatenate([base.a, a]),
+            np.concatenate([base.b, b]),
+            _longer(base.margin, margin),
+            _longer(base.phases, phases),
+            speed,
+            np.concatenate([base.edges, *edges]),
+            _longer(base.edge, _ends(base.edges, edges)[1:]),
+            np.concatenate([base.closing, np.maximum(speed[a] + speed[b], LEAST_SPEED)]),
+        )
+
+
+def _columns(rows: list[tuple], count: int) -> tuple[tuple, ...]:
+    return tuple(zip(*rows, strict=True)) if rows else ((),) * count
+
+
+def _ends(array: np.ndarray, added: tuple[np.ndarray, ...]) -> np.ndarray:
+    """Where an array ends, and where it does after each array that is added to it."""
+    return np.array([*accumulate(map(len, added), initial=len(array))], np.int64)
+
+
+def _longer(array: np.ndarray, rows: Sequence) -> np.ndarray:
+    """An array with more rows."""
+    return np.concatenate([array, np.array(rows, array.dtype).reshape(-1, *array.shape[1:])])

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hmap_core.collision.convex import ConvexSet, set_distance, transformed
+from hmap_core.collision.convex import ConvexSet, set_distance
 from hmap_core.collision.grown import GrownModel
 from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.komo.manipulation import free_opening
@@ -21,7 +21,7 @@ from hmap_core.komo.margins import HELD_CLEARANCE, OBJECT_CLEARANCE, TOUCH_ALLOW
 from hmap_core.komo.skeleton import SkeletonEntry, Symbol
 from hmap_core.komo.surroundings import Part
 from hmap_core.komo.timeline import Place, Timeline
-from hmap_core.transforms import IDENTITY, apply, inverse, multiply
+from hmap_core.transforms import IDENTITY, inverse, multiply
 from hmap_core.types import ContactPoint
 
 
@@ -97,15 +97,13 @@ class Clearances:
         return tuple(found.items())
 
     def _stays(self, model: CollisionModel, name: str) -> list[_Stay]:
-        own = self._workspace.shapes[name]
         runs = self._timeline.runs(name)
         stays = []
         for k, (place, phases) in enumerate(runs):
-            shapes = transformed(own, place.T)
+            shapes = self._workspace.posed(name, place.T)
             speed = 1.0
             if place.robot is not None:
-                extent = (np.linalg.norm(shapes.center, axis=1) + shapes.bound).max()
-                speed = self._workspace.speed(place.robot, float(extent))
+                speed = self._workspace.speed(place.robot, shapes)
             number = model.add_set(name, shapes, place.frame, speed)
             neighbours = [run[0].T for run in runs[max(0, k - 1) : k + 2] if run[0].frame == 0]
             stays.append(_Stay(name, place, number, mask(phases), neighbours + self._targets(name, phases)))
@@ -154,7 +152,8 @@ class Clearances:
         return set_distance(shapes, T_shapes, own, T, clearance + TOUCH_ALLOWANCE)
 
     def _keep_from_surroundings(self, model: CollisionModel, stay: _Stay) -> None:
-        nearest = self._nearest(stay)
+        own, cutoff = self._workspace.shapes[stay.name], HELD_CLEARANCE + TOUCH_ALLOWANCE
+        nearest = self._around.nearest(own, stay.known, cutoff)
         far: list[int] = []
         for name, shapes in self._around.standing.items():
             if (stay.name, name) in self._above:
@@ -164,19 +163,6 @@ class Clearances:
             else:
                 far += shapes
         model.keep_apart(stay.shapes, far, HELD_CLEARANCE, stay.phases)
-
-    def _nearest(self, stay: _Stay) -> dict[str, float]:
-        """How near a body is for certain to what stands around, where that is near at all."""
-        own, boxes = self._workspace.shapes[stay.name], self._around.boxes
-        nearest: dict[str, float] = {}
-        names = list(self._around.sets)
-        for T in stay.known:
-            points, swept = apply(T, own.vertices), own.radius.max()
-            gap = np.maximum(boxes[:, 0] - points.max(0), points.min(0) - boxes[:, 1]).max(1) - swept
-            for k in np.flatnonzero(gap < HELD_CLEARANCE + TOUCH_ALLOWANCE):
-                d = self._nearness(self._around.sets[names[k]], IDENTITY, stay.name, T, HELD_CLEARANCE)
-                nearest[names[k]] = min(d, nearest.get(names[k], np.inf))
-        return nearest
 
     def _keep_bodies_apart(self, model: CollisionModel, a: _Stay, b: _Stay) -> None:
         """Two handled bodies, of which one at least moves."""

@@ -5,7 +5,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from hmap_core.collision.convex import ConvexSet, set_distance, transformed
+from hmap_core.collision.convex import ConvexSet, transformed
 from hmap_core.collision.grown import GrownModel
 from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.kinematics.arm import Arm, load_arm
@@ -14,7 +14,7 @@ from hmap_core.komo.features.pose import pose_params
 from hmap_core.komo.margins import HELD_CLEARANCE, OBJECT_CLEARANCE, TOUCH_ALLOWANCE
 from hmap_core.komo.surroundings import Surroundings
 from hmap_core.komo.workspace import Workspace
-from hmap_core.transforms import IDENTITY, inverse, multiply, pose
+from hmap_core.transforms import inverse, multiply, pose
 from hmap_core.types import ContactKind, ContactPoint, Robot, Scene, SceneState
 
 # how far the hand draws back from a contact, m
@@ -142,12 +142,9 @@ class Manipulation:
         """The object on the hand, between two places (7,)."""
         arm, own = around.arms[self.robot], self._own
         carried = transformed(own, multiply(self.T_tip_ee, inverse(contact.T_obj_ee)))
-        extent = np.linalg.norm(carried.center, axis=1) + carried.bound
-        held = model.add_set(self.object, carried, self.tip, self._workspace.speed(self.robot, float(extent.max())))
+        held = model.add_set(self.object, carried, self.tip, self._workspace.speed(self.robot, carried))
         model.keep_apart(arm.base + arm.upper, held, OBJECT_CLEARANCE, bit(Phase.HOLD))
+        nearest = around.nearest(own, ends, HELD_CLEARANCE)
         for name, shapes in around.standing.items():
-            margin = HELD_CLEARANCE
-            if name in self.scene.bodies:
-                near = (set_distance(own, T, around.sets[name], IDENTITY, HELD_CLEARANCE) for T in ends)
-                margin = min(margin, *near)
+            margin = nearest.get(name, HELD_CLEARANCE) if name in self.scene.bodies else HELD_CLEARANCE
             model.keep_apart(held, shapes, margin - TOUCH_ALLOWANCE, CARRIED)

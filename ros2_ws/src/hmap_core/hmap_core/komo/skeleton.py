@@ -8,6 +8,7 @@ checked here; :mod:`hmap_core.komo.skeleton_problem` makes a ``KomoProblem`` of 
 The vocabulary is that of Toussaint, Logic-Geometric Programming, 2015, and of RAI's ``KOMO/skeleton.h``.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -20,6 +21,7 @@ from hmap_core.types import ContactPoint
 
 MAX_PHASES = 62  # a bit each in the masks of the collision model
 TO_THE_END = -1.0  # as phase1
+UNIT_TOLERANCE = 1e-3  # by which the length of a given quaternion may miss 1
 
 
 class Symbol(StrEnum):
@@ -83,10 +85,13 @@ class SkeletonEntry:
 
     def _check_target(self, columns: int) -> None:
         rows = np.asarray(self.target if self.target is not None else np.nan, float)
-        if rows.ndim not in (1, 2) or rows.shape[-1] != columns or not np.isfinite(rows).all():
+        finite = all(map(math.isfinite, rows.ravel().tolist()))
+        if rows.ndim not in (1, 2) or rows.shape[-1] != columns or not finite:
             self.reject(f"its target must be {columns} finite numbers, or a row of them per step")
-        if columns == 7 and not np.allclose(np.linalg.norm(rows[..., 3:], axis=-1), 1.0, atol=1e-3):
-            self.reject("the quaternion of its target must have length 1")
+        if columns == 7:
+            lengths = (math.hypot(*quaternion) for quaternion in rows[..., 3:].reshape(-1, 4).tolist())
+            if not all(abs(length - 1.0) <= UNIT_TOLERANCE for length in lengths):
+                self.reject("the quaternion of its target must have length 1")
         object.__setattr__(self, "target", rows)
 
     def __str__(self) -> str:
@@ -120,7 +125,7 @@ class Skeleton:
         if not entries:
             raise InputError("a skeleton needs entries")
         last = max(max(e.phase0, e.phase1) for e in entries)
-        self.phases = int(np.ceil(last))
+        self.phases = math.ceil(last)
         self.entries = tuple(
             SkeletonEntry(e.phase0, self.phases, e.symbol, e.frames, e.target) if e.phase1 == TO_THE_END else e
             for e in entries

@@ -1,9 +1,9 @@
 """From a skeleton in a workspace to the KOMO problem of its path."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hmap_core.exceptions import InputError
 from hmap_core.komo.clearances import Clearances
@@ -13,7 +13,7 @@ from hmap_core.komo.skeleton import Skeleton, SkeletonEntry, Symbol
 from hmap_core.komo.timeline import Place, Timeline
 from hmap_core.komo.transcription import KomoProblem, SolverOptions
 from hmap_core.komo.workspace import Workspace
-from hmap_core.transforms import IDENTITY, apply, consistent, multiply, multiply_all, pose, rotation_matrix
+from hmap_core.transforms import IDENTITY, apply, consistent, multiply, multiply_all
 
 
 class SkeletonProblem(KomoProblem):
@@ -46,7 +46,7 @@ class SkeletonProblem(KomoProblem):
         self.timeline = Timeline(skeleton, workspace)
         collisions = Clearances(self.timeline).model()
         super().__init__(workspace.model.chain, steps, collisions, options or SolverOptions())
-        self._phase = self.phase_of_step()
+        self._phase = self.phase_of_step().tolist()
         for entry in skeleton.entries:
             _ADD[entry.symbol](self, entry)
 
@@ -62,20 +62,23 @@ class SkeletonProblem(KomoProblem):
         """The steps at which an entry holds."""
         return range(max(0, self.step(entry.phase0)), self.step(entry.phase1) + 1)
 
+    def _by_phase(self, steps: Iterable[int]) -> Iterator[tuple[int, Iterator[int]]]:
+        """Phases, each with those of the ascending steps that lie in it."""
+        return groupby(steps, self._phase.__getitem__)
+
     def _pairs(self, entry: SkeletonEntry) -> list[tuple[Place, Place, list[int]]]:
         """Where the entry's frame and its reference are at its steps, as far as one moves against the other."""
         found: dict[tuple[int, int], tuple[Place, Place, list[int]]] = {}
-        for step in self.steps_of(entry):
-            phase = int(self._phase[step])
+        for phase, steps in self._by_phase(self.steps_of(entry)):
             a = self.timeline.place(entry.frames[0], phase)
             b = self.timeline.place(entry.frames[1], phase) if len(entry.frames) > 1 else _WORLD
             if a.frame != b.frame:
-                found.setdefault((id(a), id(b)), (a, b, []))[2].append(step)
+                found.setdefault((id(a), id(b)), (a, b, []))[2].extend(steps)
         if not found:
             entry.reject("nothing holds it then, so that it could move")
         return list(found.values())
 
-    # --- objectives
+    # --- objectives; their steps are those of phases that there are, so that there is nothing to check
 
     def _add_touch(self, entry: SkeletonEntry) -> None:
         self._meet(entry, self.steps_of(entry))
@@ -91,64 +94,51 @@ class SkeletonProblem(KomoProblem):
         manipulator, name = entry.frames
         T_contact = self.timeline.T_obj_manipulator(entry)
         met: dict[tuple[int, int], tuple[Place, Place, list[int]]] = {}
-        for step in steps:
-            phase = int(self._phase[step])
+        for phase, own in self._by_phase(steps):
             holder = self.skeleton.holding(name, phase)
             if holder is not None and holder.frames == entry.frames:
-                if np.allclose(T_contact, self.timeline.T_obj_manipulator(holder)):
+                T_held = self.timeline.T_obj_manipulator(holder)
+                if T_held is T_contact or np.allclose(T_contact, T_held):
                     continue
             hand, touched = self.timeline.place(manipulator, phase), self.timeline.place(name, phase)
             if hand.frame == touched.frame:
                 entry.reject(f"nothing moves '{manipulator}' against '{name}' in phase {phase + 1}")
-            met.setdefault((id(hand), id(touched)), (hand, touched, []))[2].append(step)
+            met.setdefault((id(hand), id(touched)), (hand, touched, []))[2].extend(own)
         for hand, touched, steps in met.values():
             feature = relative_pose(hand.frame, hand.T, multiply(touched.T, T_contact), touched.frame)
-            self.add(Objective(feature, ObjectiveType.EQ, steps))
+            self.objectives.append(Objective(feature, ObjectiveType.EQ, steps))
 
     def _add_pose(self, entry: SkeletonEntry) -> None:
-        rows = self._rows(entry)
-        for a, b, steps in self._pairs(entry):
+        pairs = self._pairs(entry)
+        rows = _rows(entry, pairs)
+        for a, b, steps in pairs:
             if entry.target.ndim == 1:
                 feature = relative_pose(a.frame, a.T, multiply(b.T, entry.target), b.frame)
-                self.add(Objective(feature, ObjectiveType.EQ, steps))
+                self.objectives.append(Objective(feature, ObjectiveType.EQ, steps))
             else:
                 targets = multiply_all(b.T, np.array([rows[s] for s in steps]))
                 feature = relative_pose(a.frame, a.T, targets[0], b.frame)
-                self.add(Objective(feature, ObjectiveType.EQ, steps, params=pose_params_all(a.T, targets)))
+                self.objectives.append(
+                    Objective(feature, ObjectiveType.EQ, steps, params=pose_params_all(a.T, targets))
+                )
 
     def _add_position(self, entry: SkeletonEntry) -> None:
-        rows = self._rows(entry)
-        for a, b, steps in self._pairs(entry):
+        pairs = self._pairs(entry)
+        rows = _rows(entry, pairs)
+        for a, b, steps in pairs:
             targets = apply(b.T, np.array([rows[s] for s in steps]))
             feature = relative_position(a.frame, a.T[:3], targets[0], b.frame)
             params = np.concatenate([np.tile(a.T[:3], (len(steps), 1)), targets], axis=1)
-            self.add(Objective(feature, ObjectiveType.EQ, steps, params=params))
-
-    def _rows(self, entry: SkeletonEntry) -> dict[int, np.ndarray]:
-        """The target of each step."""
-        steps = [s for _, _, steps in self._pairs(entry) for s in steps]
-        if entry.target.ndim == 1:
-            return dict.fromkeys(steps, entry.target)
-        if len(entry.target) != len(steps):
-            entry.reject(f"has {len(entry.target)} targets for {len(steps)} steps")
-        return dict(zip(sorted(steps), entry.target, strict=True))
+            self.objectives.append(Objective(feature, ObjectiveType.EQ, steps, params=params))
 
     def _add_above(self, entry: SkeletonEntry) -> None:
         name, support = entry.frames
-        T_up, bottom = self._upright(name)
-        top = _top(self.workspace.shapes[support])
+        T_up, bottom = self.workspace.upright(name)
+        T_top, half_size = self.workspace.top(support)
         for a, b, steps in self._pairs(entry):
-            standing, within = above(a.frame, multiply(a.T, T_up), bottom, multiply(b.T, pose(top[0])), top[1], b.frame)
-            self.add(Objective(standing, ObjectiveType.EQ, steps))
-            self.add(Objective(within, ObjectiveType.INEQ, steps))
-
-    def _upright(self, name: str) -> tuple[np.ndarray, float]:
-        """An object's frame with z turned to where up is in the state, and how far below its origin the bottom is."""
-        up = rotation_matrix(self.workspace.state.poses[name])[2]
-        turn = Rotation.align_vectors([up], [[0.0, 0.0, 1.0]])[0].as_quat() if up[2] < 1.0 - 1e-12 else IDENTITY[3:]
-        own = self.workspace.shapes[name]
-        radius = np.repeat(own.radius, np.diff(own.start))
-        return pose(quaternion=turn), float((radius - own.vertices @ up).max())
+            standing, within = above(a.frame, multiply(a.T, T_up), bottom, multiply(b.T, T_top), half_size, b.frame)
+            self.objectives.append(Objective(standing, ObjectiveType.EQ, steps))
+            self.objectives.append(Objective(within, ObjectiveType.INEQ, steps))
 
     def _add_home(self, entry: SkeletonEntry) -> None:
         robots = self.workspace.robots
@@ -158,7 +148,7 @@ class SkeletonProblem(KomoProblem):
         target = home if entry.target is None else np.asarray(entry.target, float)
         if target.shape != home.shape:
             entry.reject(f"its target must be {len(home)} joints")
-        self.add(Objective(joint_position(target), ObjectiveType.EQ, self.steps_of(entry)))
+        self.objectives.append(Objective(joint_position(target), ObjectiveType.EQ, self.steps_of(entry)))
 
     # --- results
 
@@ -190,9 +180,11 @@ _ADD = {
 }
 
 
-def _top(shapes) -> tuple[np.ndarray, np.ndarray]:
-    """Middle (3,) of a support's top in its own frame, and half extents (2,) of it."""
-    radius = np.repeat(shapes.radius, np.diff(shapes.start))
-    height = (shapes.vertices[:, 2] + radius).max()
-    low, high = shapes.vertices[:, :2].min(0), shapes.vertices[:, :2].max(0)
-    return np.array([*(low + high) / 2, height]), (high - low) / 2
+def _rows(entry: SkeletonEntry, pairs: list[tuple[Place, Place, list[int]]]) -> dict[int, np.ndarray]:
+    """The target of each step."""
+    steps = [s for _, _, own in pairs for s in own]
+    if entry.target.ndim == 1:
+        return dict.fromkeys(steps, entry.target)
+    if len(entry.target) != len(steps):
+        entry.reject(f"has {len(entry.target)} targets for {len(steps)} steps")
+    return dict(zip(sorted(steps), entry.target, strict=True))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hmap_core.collision.convex import ConvexSet, transformed
+from hmap_core.collision.convex import ConvexSet, from_hulls, sets_nearest, transformed
 from hmap_core.collision.grown import BaseModel
 from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.kinematics.model import KinematicModel
@@ -57,16 +57,26 @@ class Surroundings:
         arms: of each moving robot.
         fingers: of each moving robot, once for each opening.
         standing: name of a body, or of a robot that stands still -> its shapes' numbers.
-        sets: the same names -> the shapes in the world.
-        boxes: (len(sets), 2, 3) lower and upper corners round them in the world, in the order of ``sets``.
+        shapes: all these shapes in the world.
+        owner: (len(shapes),) whose each is, by the order of ``standing``.
     """
 
     model: BaseModel
     arms: dict[str, ArmShapes]
     fingers: dict[str, tuple[Part, ...]]
     standing: dict[str, list[int]]
-    sets: dict[str, ConvexSet]
-    boxes: np.ndarray
+    shapes: ConvexSet
+    owner: np.ndarray
+
+    def nearest(self, body: ConvexSet, places: Sequence[np.ndarray], cutoff: float) -> dict[str, float]:
+        """How near a body comes in some places (7,) to what stands around, m; only what is nearer than the cutoff."""
+        A, B, best = body, self.shapes, np.full(len(self.standing), cutoff)
+        if places:
+            sets_nearest(
+                A.vertices, A.start, A.radius, A.center, A.bound, np.array(places),
+                B.vertices, B.start, B.radius, B.center, B.bound, self.owner, best,
+            )  # fmt: skip
+        return {name: d for name, d in zip(self.standing, best.tolist(), strict=True) if d < cutoff}
 
 
 def collect(
@@ -75,17 +85,13 @@ def collect(
     """The arms of a chain among bodies, given by their shapes, and the robots that stand still."""
     model = BaseModel()
     arms = {name: _add_arm(model, chain, name) for name in chain.arms}
-    standing, sets = {}, {}
-    for name, shapes in bodies.items():
-        sets[name] = transformed(shapes, state.poses[name])
-        standing[name] = model.add_set(name, sets[name], 0)
+    standing = {name: model.add_set(name, transformed(shapes, state.poses[name]), 0) for name, shapes in bodies.items()}
     for name, robot in scene.robots.items():
         if name not in chain.arms:
             standing[name] = [
                 model.add(f"{name}/{link}", vertices, radius, 0, sphere, edges=edges)
                 for link, vertices, radius, sphere, edges in posed_links(robot, state.q[name], state.gripper[name])
             ]
-            sets[name] = hull_set([model.hulls[s] for s in standing[name]])
     around = [s for shapes in standing.values() for s in shapes]
     fingers: dict[str, tuple[Part, ...]] = {}
     for name, variants in openings:
@@ -97,9 +103,8 @@ def collect(
         for other, others in fingers.items():
             _keep_robots_apart(model, arm, parts, arms[other], others)
         fingers[name] = parts
-    boxes = [(s.vertices - s.radius.max(), s.vertices + s.radius.max()) for s in sets.values()]
-    corners = np.array([(low.min(0), high.max(0)) for low, high in boxes]).reshape(-1, 2, 3)
-    return Surroundings(model, arms, fingers, standing, sets, corners)
+    owner = np.repeat(np.arange(len(standing)), [len(shapes) for shapes in standing.values()])
+    return Surroundings(model, arms, fingers, standing, hull_set([model.hulls[s] for s in around]), owner)
 
 
 def _keep_robots_apart(
@@ -118,6 +123,8 @@ def _keep_robots_apart(
 
 def hull_set(hulls: Sequence[tuple]) -> ConvexSet:
     """The set of hulls given as in a collision model: (vertices (m, 3), radius, centre (3,), bound, edges)."""
+    if not hulls:
+        return from_hulls(())
     vertices, radius, center, bound, edges = zip(*hulls, strict=True)
     start = np.cumsum([0, *map(len, vertices)], dtype=np.int64)
     return ConvexSet(np.concatenate(vertices), start, np.array(radius), np.array(center), np.array(bound), edges)

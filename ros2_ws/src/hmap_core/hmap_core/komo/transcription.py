@@ -206,16 +206,17 @@ class KomoProblem:
         """Where collisions are looked at: ``substeps`` places per interval, and ``extra`` ones (step, alpha)."""
         S, T = self.options.substeps, self.steps
         step = np.repeat(np.arange(T), S)
-        alpha = np.tile(np.arange(1, S + 1) / S, T)
+        alpha = (np.zeros((T, 1)) + np.arange(1, S + 1) / S).ravel()
         if extra:
             step = np.concatenate([step, [t for t, _ in extra]]).astype(np.int64)
             alpha = np.concatenate([alpha, [a for _, a in extra]])
             order = np.lexsort((alpha, step))
             step, alpha = step[order], alpha[order]
         masks = self.masks()
-        ends = masks | np.append(masks[1:], 0)  # a step at a mode switch is in both phases
+        ends = masks.copy()
+        ends[:-1] |= masks[1:]  # a step at a mode switch is in both phases
         mask = np.where(alpha == 1.0, ends[step], masks[step])
-        return Samples(np.searchsorted(step, np.arange(T + 1)).astype(np.int64), alpha, mask)
+        return Samples(step.searchsorted(np.arange(T + 1)), alpha, mask)
 
     def terms(self, samples: Samples | None = None, between: Sequence[tuple[int, int, float]] = ()) -> Terms:
         """Objectives unrolled over their steps, ordered by sample.
@@ -226,48 +227,42 @@ class KomoProblem:
         """
         samples = samples or self.samples()
         counts = [len(o.steps) for o in self.objectives]
-        index = np.repeat(np.arange(len(self.objectives)), counts)
-        step = np.concatenate([np.zeros(0, np.int64), *(np.asarray(o.steps, np.int64) for o in self.objectives)])
-        at = samples.first[step + 1] - 1
-        params, offsets, begins, size = [], [], [], 0
+        step = np.fromiter((t for o in self.objectives for t in o.steps), np.int64, sum(counts))
+        params, entries, size, rows = [], [], 0, 0
         for o, count in zip(self.objectives, counts, strict=True):
-            rows = np.atleast_2d(o.feature.params if o.params is None else np.asarray(o.params, float))
-            params.append(rows.ravel())
-            offsets.append(size + np.arange(count) * (0 if o.params is None else rows.shape[1]))
-            begins.append(size)
-            size += rows.size
-        offset = np.concatenate([np.zeros(0, np.int64), *offsets]).astype(np.int64)
+            feature, numbers, width = o.feature, o.feature.params, 0
+            if o.params is not None:
+                numbers = np.atleast_2d(np.asarray(o.params, float))
+                width = numbers.shape[1]
+            frames = (*feature.frames, *[0] * (MAX_FRAMES - len(feature.frames)))
+            entries.append((feature.kernel, int(o.type), feature.dim, o.order, *frames, size, width, rows))
+            params.append(numbers.ravel())
+            size, rows = size + numbers.size, rows + count
+        table = np.array(entries, np.int64).reshape(len(entries), 7 + MAX_FRAMES)
+        index = np.repeat(np.arange(len(entries)), counts)
+        begin, width, first = table[:, -3:].T.take(index, axis=1)
+        offset = begin + width * (np.arange(len(index)) - first)
+        at = samples.first[step + 1] - 1
         if between:
             own, steps, alphas = (np.array(column) for column in zip(*between, strict=True))
             places = [_sample_at(samples, t, a) for t, a in zip(steps, alphas, strict=True)]
             index, step = np.concatenate([index, own]), np.concatenate([step, steps])
             at = np.concatenate([at, places])
-            offset = np.concatenate([offset, np.array(begins, np.int64)[own]])
-        frames = np.zeros((len(self.objectives), MAX_FRAMES), np.int64)
-        target = np.zeros((len(self.objectives), MAX_DIM))
+            offset = np.concatenate([offset, table[own, -3]])
+        order = at.argsort(kind="stable")
+        index, at = index[order], at[order]
+        kernel, kind, dim, difference = table[:, :4].T.take(index, axis=1)
+        band = np.zeros((len(index), MAX_DIM))
+        for m in np.flatnonzero((order >= len(index) - len(between)) & (kind == ObjectiveType.EQ)) if between else ():
+            kind[m], band[m, : dim[m]] = BAND, _by_unit(self.objectives[index[m]], BETWEEN_BAND)
+        target = np.zeros((len(entries), MAX_DIM))
         for k, o in enumerate(self.objectives):
-            frames[k, : len(o.feature.frames)] = o.feature.frames
             if o.target is not None:
                 target[k, : o.feature.dim] = o.target
-        loose = np.arange(len(index)) >= len(index) - len(between)
-        order = np.argsort(at, kind="stable")
-        index, at, loose = index[order], at[order], loose[order]
-        kernel, kind, dim, difference = (
-            np.array(values, np.int64)[index]
-            for values in (
-                [o.feature.kernel for o in self.objectives],
-                [int(o.type) for o in self.objectives],
-                [o.feature.dim for o in self.objectives],
-                [o.order for o in self.objectives],
-            )
-        )
         scale = np.array([o.scale for o in self.objectives], float)[index]
-        band = np.zeros((len(index), MAX_DIM))
-        for m in np.flatnonzero(loose & (kind == ObjectiveType.EQ)):
-            kind[m], band[m, : dim[m]] = BAND, _by_unit(self.objectives[index[m]], BETWEEN_BAND)
-        by_sample = np.searchsorted(at, np.arange(len(samples.alpha) + 1)).astype(np.int64)
+        by_sample = at.searchsorted(np.arange(len(samples.alpha) + 1))
         return Terms(
-            kernel, kind, step[order].astype(np.int64), dim, scale, frames[index], offset[order],
+            kernel, kind, step[order], dim, scale, table[:, 4:-3].take(index, axis=0), offset[order],
             np.concatenate([*params, np.zeros(1)]), target[index], difference, band, by_sample, float(self.tau),
         )  # fmt: skip
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from hmap_core.komo.features.base import Feature
 from hmap_core.komo.features.symbolic import FrameSymbols, symbolic_feature
-from hmap_core.transforms import rotation_matrix
+from hmap_core.transforms import rotation_numbers
 
 
 def _bottom(frames: Sequence[FrameSymbols], params: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
@@ -52,16 +52,9 @@ def above(
         (standing (4,): height of the bottom over the support in m, then the object's z axis less the support's;
         within (4,): how far the middle is beyond the edges +x, +y, -x, -y, in m).
     """
-    params = np.concatenate(
-        [
-            T_frame_object[:3],
-            rotation_matrix(T_frame_object)[:, 2],
-            [bottom],
-            T_reference_support[:3],
-            rotation_matrix(T_reference_support).reshape(-1),
-            half_size,
-        ]
-    )
+    up = rotation_numbers(T_frame_object)[2::3]
+    support = *T_reference_support[:3].tolist(), *rotation_numbers(T_reference_support)
+    params = np.array((*T_frame_object[:3].tolist(), *up, bottom, *support, *half_size))
     frames = (frame, reference)
     return (
         symbolic_feature("above: standing", _standing, frames, params, "m, 1", metres=1),

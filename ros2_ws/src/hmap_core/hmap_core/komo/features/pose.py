@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from hmap_core.collision.gjk import OPTIONS
 from hmap_core.komo.features.base import KERNEL, Feature
 from hmap_core.komo.features.relative import relative_point
-from hmap_core.transforms import rotation_matrix
+from hmap_core.transforms import rotation_numbers
 
 
 @nb.njit(**OPTIONS)
@@ -76,13 +76,13 @@ def _kernel(n, R_, p_, first_, prismatic_, q_, frames_, params_, r_, J_):
 
 def pose_params(T_frame_offset: np.ndarray, T_reference_target: np.ndarray) -> np.ndarray:
     """Parameters (24,) of the kernel from two poses (7,): the offset in the frame and the target in the reference."""
-    return np.concatenate(
-        [
-            T_frame_offset[:3],
-            rotation_matrix(T_frame_offset).reshape(-1),
-            T_reference_target[:3],
-            rotation_matrix(T_reference_target).reshape(-1),
-        ]
+    return np.array(
+        (
+            *T_frame_offset[:3].tolist(),
+            *rotation_numbers(T_frame_offset),
+            *T_reference_target[:3].tolist(),
+            *rotation_numbers(T_reference_target),
+        )
     )
 
 
@@ -90,7 +90,7 @@ def pose_params_all(T_frame_offset: np.ndarray, T_reference_target: np.ndarray) 
     """:func:`pose_params` (M, 24) of one offset (7,) and many targets (M, 7)."""
     M = len(T_reference_target)
     targets = Rotation.from_quat(T_reference_target[:, 3:]).as_matrix().reshape(M, 9)
-    offset = np.concatenate([T_frame_offset[:3], rotation_matrix(T_frame_offset).reshape(-1)])
+    offset = np.array((*T_frame_offset[:3].tolist(), *rotation_numbers(T_frame_offset)))
     return np.concatenate([np.tile(offset, (M, 1)), T_reference_target[:, :3], targets], axis=1)
 
 

@@ -142,11 +142,11 @@ def _derive(name: str, expression: Expression, frames: int, params: int) -> casa
 
 def find_compiler() -> str | None:
     """The C compiler: $CC, or what the system calls cc, gcc or clang; None where there is none."""
-    return _first_found((os.environ.get("CC", ""), "cc", "gcc", "clang"), os.environ.get("PATH", ""))
+    return _first_program((os.environ.get("CC", ""), "cc", "gcc", "clang"), os.environ.get("PATH"))
 
 
-@cache
-def _first_found(names: tuple[str, ...], path: str) -> str | None:
+@cache  # to look through PATH takes longer than all else that a feature costs
+def _first_program(names: tuple[str, ...], path: str | None) -> str | None:
     return next((found for found in (shutil.which(name, path=path) for name in names if name) if found), None)
 
 
