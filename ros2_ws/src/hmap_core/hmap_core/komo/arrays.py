@@ -28,9 +28,9 @@ Model = namedtuple("Model", "H G row step alpha value weight count")
 # seen (S, n) is the last configuration, travel (S,) bounds how far any point has moved until there, wake (S,) is the
 # travel at which the pairs have to be looked at. When they were last: centers (S, shapes, 3), turned (S, n+1, 3, 3) the
 # frames' rotations, slack (S, P) by how much each pair may still come nearer, hints (S, P, 9) see gjk.py; known (S,)
-# says whether they ever were. moved (shapes,), before (P,).
+# says whether they ever were. moved (shapes,).
 # R, p: frames of the steps (T+2, n+1, 3, 3) where a term needs differences over steps, else of one configuration.
 Scratch = namedtuple(
     "Scratch",
-    "R p Rm pm Hs gs witness work r rk J Jk qs seen travel wake known centers turned slack hints moved before",
+    "R p Rm pm Hs gs witness work r rk J Jk qs seen travel wake known centers turned slack hints moved",
 )

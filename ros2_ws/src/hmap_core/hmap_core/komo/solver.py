@@ -64,7 +64,7 @@ def new_scratch(T, n, chain, terms, cols, samples, prefix):
         np.zeros((3, 3)), np.zeros(WORK), np.zeros(MAX_DIM), np.zeros(MAX_DIM), np.zeros((MAX_DIM, n)),
         np.zeros((MAX_ORDER + 1, MAX_DIM, n)), np.zeros(n), np.zeros((S, n)), np.zeros(S), np.zeros(S),
         np.zeros(S, np.bool_), np.empty((S, shapes, 3)), np.empty((S, n + 1, 3, 3)), np.empty((S, P)),
-        np.empty((S, P, 9), np.int16), np.zeros(shapes), np.zeros(P),
+        np.empty((S, P, 9), np.int16), np.zeros(shapes),
     )  # fmt: skip
 
 
@@ -144,11 +144,11 @@ def _begin(cols, s, sample, mask, R, p):
 
 
 @nb.njit(**OPTIONS)
-def _collide(cols, chain, s, sample, mask, t, alpha, R, p, mu, lam, activity, model, update):
+def _collide(cols, chain, s, sample, mask, t, alpha, R, p, mu, lam, activity, model, old):
     """Looks at the pairs of one sample with the frames (R, p).
 
-    Adds those nearer than their margin plus ``activity`` to the rows of the model, or, with ``update``, the violations
-    to the multipliers lam (P,). Returns (penalty, worst violation).
+    Adds those nearer than their margin plus ``activity`` to the rows of the model. With ``old``, a penalty, their
+    multipliers lam (P,) are updated before. Returns (penalty, worst violation, largest change of a multiplier / old).
     """
     if not s.known[sample]:
         _begin(cols, s, sample, mask, R, p)
@@ -158,6 +158,7 @@ def _collide(cols, chain, s, sample, mask, t, alpha, R, p, mu, lam, activity, mo
     first, prismatic = chain.first, chain.prismatic
     penalty = 0.0
     worst = -BEYOND
+    change = 0.0
     rest = NEVER
     for k in range(A.shape[0]):
         pulls = lam[k] > 0.0
@@ -178,12 +179,14 @@ def _collide(cols, chain, s, sample, mask, t, alpha, R, p, mu, lam, activity, mo
         d = pair_distance(cols, k, R, p, centers, BEYOND if pulls else near + LOOK_AHEAD, hints[k], w, s.work)
         c = margin[k] - d
         worst = max(worst, c)
-        if update:
-            lam[k] = max(0.0, lam[k] + mu * c)
-            pulls = lam[k] > 0.0
+        if old > 0.0:
+            updated = max(0.0, lam[k] + old * c)
+            change = max(change, abs(updated - lam[k]) / old)
+            lam[k] = updated
+            pulls = updated > 0.0
         slack[k] = d - near
         rest = 0.0 if pulls else min(rest, max(0.0, d - near) / closing[k])
-        if update or (d > near and not pulls):
+        if d > near and not pulls:
             continue
         m = model.count[0]
         model.count[0] = m + 1
@@ -197,7 +200,7 @@ def _collide(cols, chain, s, sample, mask, t, alpha, R, p, mu, lam, activity, mo
         if shifted > 0.0:
             penalty += 0.5 * mu * shifted * shifted
     s.wake[sample] = s.travel[sample] + rest
-    return penalty, worst
+    return penalty, worst, change
 
 
 @nb.njit(**INLINE)
@@ -234,13 +237,15 @@ def _value(X, prefix, t, m, chain, terms, s):
 
 
 @nb.njit(**OPTIONS)
-def _objectives(X, prefix, t, sample, alpha, R, p, chain, terms, mu, lam, s, model):
+def _objectives(X, prefix, t, sample, alpha, R, p, chain, terms, mu, lam, s, model, old):
     """Adds the objectives of a sample: to s.Hs, s.gs, those that look at several steps and inequalities to the model.
 
-    Returns (merit, cost, worst equality, worst inequality).
+    With ``old``, a penalty, their multipliers are updated before. Returns (merit, cost, worst equality, worst
+    inequality, largest change of a multiplier / old).
     """
     n = X.shape[1]
     H, G = model.H, model.G
+    change = 0.0
     merit = 0.0
     cost = 0.0
     worst_eq = 0.0
@@ -266,6 +271,12 @@ def _objectives(X, prefix, t, sample, alpha, R, p, chain, terms, mu, lam, s, mod
                     worst_ineq = max(worst_ineq, value)
                 else:
                     worst_eq = max(worst_eq, abs(value))
+                if old > 0.0:
+                    updated = lam[m, d] + old * weight * value
+                    if one_sided:
+                        updated = max(0.0, updated)
+                    change = max(change, abs(updated - lam[m, d]) / (old * weight))
+                    lam[m, d] = updated
                 weight *= mu
                 value += lam[m, d] / weight
             half = 0.5 * weight * value * value
@@ -300,14 +311,17 @@ def _objectives(X, prefix, t, sample, alpha, R, p, chain, terms, mu, lam, s, mod
                         for b in range(a):
                             for j in range(n):
                                 H[row, n * (a - b) + j - i] += g * s.Jk[b, d, j]
-    return merit, cost, worst_eq, worst_ineq
+    return merit, cost, worst_eq, worst_ineq, change
 
 
 @nb.njit(**OPTIONS)
-def _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s):
+def _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s, old):
     """Augmented Lagrangian at X, and its model there.
 
-    Returns (merit, cost, worst equality, worst inequality); worst values are unscaled, in metres and radians.
+    With ``old``, the penalty so far, the multipliers are updated by it before: l += old c, where that is felt.
+
+    Returns (merit, cost, worst equality, worst inequality, change): the worst values are unscaled, in metres and
+    radians; change is the largest change of a multiplier over ``old``: violations, and slack where one is felt.
     """
     T, n = X.shape
     mu = mult.mu[0]
@@ -317,6 +331,7 @@ def _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s):
     model.count[0] = 0
     cost = _smoothness(X, prefix, o.acceleration, o.velocity, H, G)
     merit = cost
+    change = 0.0
     worst_eq = 0.0
     worst_ineq = -BEYOND
     parent, R_joint, p_joint, prismatic = chain.parent, chain.R_joint, chain.p_joint, chain.prismatic
@@ -337,18 +352,20 @@ def _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s):
             R, p = (s.R[index], s.p[index]) if step else (s.Rm, s.pm)
             forward(qs, parent, R_joint, p_joint, prismatic, R, p)
             if awake:
-                penalty, worst = _collide(
+                penalty, worst, moved = _collide(
                     cols, chain, s, sample, masks[sample], t, alpha, R, p, mu, mult.pairs[sample], o.activity, model,
-                    False,
+                    old,
                 )  # fmt: skip
+                change = max(change, moved)
                 merit += penalty
                 worst_ineq = max(worst_ineq, worst)
             if asks:
                 Hs[:] = 0.0
                 gs[:] = 0.0
-                m, c, we, wi = _objectives(
-                    X, prefix, t, sample, alpha, R, p, chain, terms, mu, mult.terms, s, model
+                m, c, we, wi, moved = _objectives(
+                    X, prefix, t, sample, alpha, R, p, chain, terms, mu, mult.terms, s, model, old
                 )  # fmt: skip
+                change = max(change, moved)
                 merit += m
                 cost += c
                 worst_eq = max(worst_eq, we)
@@ -371,10 +388,14 @@ def _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s):
             for side in range(2):
                 c = lower[i] - X[t, i] if side == 0 else X[t, i] - upper[i]
                 worst_ineq = max(worst_ineq, c)
+                if old > 0.0:
+                    updated = max(0.0, limits[t, i, side] + old * c)
+                    change = max(change, abs(updated - limits[t, i, side]) / old)
+                    limits[t, i, side] = updated
                 shifted = c + limits[t, i, side] / mu
                 if shifted > 0.0:
                     merit += 0.5 * mu * shifted * shifted
-    return merit, cost, worst_eq, worst_ineq
+    return merit, cost, worst_eq, worst_ineq, change
 
 
 @nb.njit(**OPTIONS)
@@ -460,59 +481,6 @@ def _model_step(X, prefix, chain, mult, model, damping, bandwidth, A, b, gradien
 
 
 @nb.njit(**OPTIONS)
-def _update_multipliers(X, prefix, chain, terms, cols, samples, o, mult, model, s):
-    """Returns the largest change of a multiplier, divided by the penalty: violations, and slack where one is felt."""
-    T, n = X.shape
-    mu = mult.mu[0]
-    change = 0.0
-    several = s.R.shape[0] > 1
-    for t in range(T):
-        for sample in range(samples.first[t], samples.first[t + 1]):
-            step = sample + 1 == samples.first[t + 1]
-            moved = _visit(X, prefix, t, samples.alpha[sample], chain.reach, sample, s.qs, s.seen, s.travel)
-            asks = (step and several) or terms.by_sample[sample] < terms.by_sample[sample + 1]
-            awake = moved >= s.wake[sample]
-            if not (asks or awake):
-                continue
-            index = t + MAX_ORDER if step and several else 0
-            R, p = (s.R[index], s.p[index]) if step else (s.Rm, s.pm)
-            forward(s.qs, chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R, p)
-            if awake:
-                lam_pairs = mult.pairs[sample]
-                for k in range(lam_pairs.shape[0]):
-                    s.before[k] = lam_pairs[k]
-                _collide(
-                    cols, chain, s, sample, samples.mask[sample], t, 1.0, R, p, mu, mult.pairs[sample], o.activity,
-                    model, True,
-                )  # fmt: skip
-                for k in range(lam_pairs.shape[0]):
-                    change = max(change, abs(lam_pairs[k] - s.before[k]) / mu)
-            for m in range(terms.by_sample[sample], terms.by_sample[sample + 1]):
-                if terms.type[m] == SOS:
-                    continue
-                if terms.order[m] == 0:
-                    _call(terms, m, n, chain, R, p, s.qs, s.r, s.J)
-                    for d in range(terms.dim[m]):
-                        s.r[d] -= terms.target[m, d]
-                else:
-                    _value(X, prefix, t, m, chain, terms, s)
-                for d in range(terms.dim[m]):
-                    c = abs(s.r[d]) - terms.band[m, d] if terms.type[m] == BAND else s.r[d]
-                    lam = mult.terms[m, d] + mu * terms.scale[m] * c
-                    if terms.type[m] != EQ:
-                        lam = max(0.0, lam)
-                    change = max(change, abs(lam - mult.terms[m, d]) / (mu * terms.scale[m]))
-                    mult.terms[m, d] = lam
-        for i in range(n):
-            for side in range(2):
-                c = chain.lower[i] - X[t, i] if side == 0 else X[t, i] - chain.upper[i]
-                lam = max(0.0, mult.limits[t, i, side] + mu * c)
-                change = max(change, abs(lam - mult.limits[t, i, side]) / mu)
-                mult.limits[t, i, side] = lam
-    return change
-
-
-@nb.njit(**OPTIONS)
 def solve_from(X, prefix, chain, terms, cols, samples, o, mult, s):
     """Solves one problem in place, from X (T, n) and the multipliers ``mult``, which are updated.
 
@@ -539,8 +507,13 @@ def solve_from(X, prefix, chain, terms, cols, samples, o, mult, s):
     worst_ineq = BEYOND
     before = BEYOND
     stalled = 0
+    old = 0.0  # the penalty by which the multipliers are to be updated
     for _outer in range(int(o.outer)):
-        merit, cost, worst_eq, worst_ineq = _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s)
+        merit, cost, worst_eq, worst_ineq, change = _evaluate(
+            X, prefix, chain, terms, cols, samples, o, mult, model, s, old
+        )
+        if old > 0.0 and max(worst_eq, worst_ineq) < o.tolerance and change < o.optimality:
+            break
         if not merit < NO_NUMBER:
             return cost, BEYOND, BEYOND, iterations
         for _ in range(int(o.inner)):
@@ -563,8 +536,8 @@ def solve_from(X, prefix, chain, terms, cols, samples, o, mult, s):
                 for t in range(T):
                     for i in range(n):
                         Xn[t, i] = X[t, i] + scale * step[n * t + i]
-                trial, trial_cost, trial_eq, trial_ineq = _evaluate(
-                    Xn, prefix, chain, terms, cols, samples, o, mult, trial_model, s
+                trial, trial_cost, trial_eq, trial_ineq, _ = _evaluate(
+                    Xn, prefix, chain, terms, cols, samples, o, mult, trial_model, s, 0.0
                 )
                 won = merit - trial
                 if won >= -LEAST_GAIN * slope - 1e-12:
@@ -589,9 +562,7 @@ def solve_from(X, prefix, chain, terms, cols, samples, o, mult, s):
         worst = max(worst_eq, worst_ineq)
         if (worst < o.tolerance and o.optimality >= NEVER) or iterations >= o.iterations:
             break
-        change = _update_multipliers(X, prefix, chain, terms, cols, samples, o, mult, model, s)
-        if worst < o.tolerance and change < o.optimality:
-            break
+        old = mult.mu[0]
         if worst > ENOUGH * before:
             mult.mu[0] = min(mult.mu[0] * o.mu_growth, o.mu_max)
         stalled = stalled + 1 if worst > STALL * before else 0
@@ -725,7 +696,7 @@ def linearise(X, prefix, chain, terms, cols, samples):
         forward(q, chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R[t], p[t])
     s = Scratch(
         R, p, s.Rm, s.pm, s.Hs, s.gs, s.witness, s.work, s.r, s.rk, s.J, s.Jk, s.qs, s.seen, s.travel, s.wake,
-        s.known, s.centers, s.turned, s.slack, s.hints, s.moved, s.before,
+        s.known, s.centers, s.turned, s.slack, s.hints, s.moved,
     )  # fmt: skip
     values, jacobians = np.zeros((M, MAX_DIM)), np.zeros((M, MAX_DIM, 3 * n))
     for m in range(M):
@@ -765,7 +736,7 @@ def path_violations(path, masks, chain, cols, floor):
             if slack[k] > 0.0 or cols.phases[k] & masks[m] == 0:
                 continue
             margin = cols.margin[k]
-            d = pair_distance(cols, k, R, p, centers, margin + LOOK_AHEAD, hints[k], witness, work)
+            d = pair_distance(cols, k, R, p, centers, margin - floor + LOOK_AHEAD, hints[k], witness, work)
             slack[k] = d - margin + floor
             if margin - d > violation[m]:
                 violation[m] = margin - d
