@@ -9,8 +9,7 @@ import numpy as np
 from hmap_core.collision.scene_model import Collisions
 from hmap_core.komo.allowances import relaxed
 from hmap_core.komo.arrays import Samples, Terms
-from hmap_core.komo.between import BETWEEN_BAND, new_place, violated_between
-from hmap_core.komo.between import by_unit as _by_unit
+from hmap_core.komo.between import BETWEEN_BAND, by_unit, new_place, violated_between
 from hmap_core.komo.features.base import MAX_DIM, MAX_FRAMES
 from hmap_core.komo.first_guess import first_guess
 from hmap_core.komo.linearisation import Linearisation, linearise
@@ -83,7 +82,7 @@ class KomoProblem(PathProblem):
         kernel, kind, dim, difference = table[:, :4].T.take(index, axis=1)
         band = np.zeros((len(index), MAX_DIM))
         for m in np.flatnonzero((order >= len(index) - len(between)) & (kind == ObjectiveType.EQ)) if between else ():
-            kind[m], band[m, : dim[m]] = BAND, _by_unit(self.objectives[index[m]], BETWEEN_BAND)
+            kind[m], band[m, : dim[m]] = BAND, by_unit(self.objectives[index[m]], BETWEEN_BAND)
         target = np.zeros((len(entries), MAX_DIM))
         for k, o in enumerate(self.objectives):
             if o.target is not None:
