@@ -11,10 +11,12 @@ import numpy as np
 from hmap_core.compile_cache import remove_old_caches
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.features import joint_position
+from hmap_core.komo.ik import solve_ik
 from hmap_core.komo.objective import ObjectiveType
+from hmap_core.komo.options import IK_OPTIONS
 from hmap_core.komo.skeleton import Skeleton, SkeletonEntry
 from hmap_core.komo.skeleton_problem import SkeletonProblem
-from hmap_core.komo.transcription import IK_OPTIONS, KomoProblem, solve_ik
+from hmap_core.komo.transcription import KomoProblem
 from hmap_core.komo.workspace import Workspace
 from hmap_core.planner import plan
 from hmap_core.scenes import load_scene

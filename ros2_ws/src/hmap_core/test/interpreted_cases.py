@@ -26,6 +26,7 @@ from hmap_core.collision.convex import (  # noqa: E402
 )
 from hmap_core.collision.scene_model import CollisionModel  # noqa: E402
 from hmap_core.kinematics.simplify import simplify_hull  # noqa: E402
+from hmap_core.komo.allowances import clearance, relaxed  # noqa: E402
 from hmap_core.komo.features import (  # noqa: E402
     axis_alignment,
     joint_limits,
@@ -35,9 +36,10 @@ from hmap_core.komo.features import (  # noqa: E402
     relative_position,
     stable,
 )
+from hmap_core.komo.ik import follow_ik, solve_ik_batch  # noqa: E402
 from hmap_core.komo.objective import Objective, ObjectiveType  # noqa: E402
 from hmap_core.komo.options import IK_OPTIONS, SolverOptions  # noqa: E402
-from hmap_core.komo.transcription import KomoProblem, clearance, follow_ik, relaxed, solve_ik_batch  # noqa: E402
+from hmap_core.komo.transcription import KomoProblem  # noqa: E402
 from hmap_core.transforms import IDENTITY, multiply, pose, rotation_matrix  # noqa: E402
 from hmap_core.types import Shape, ShapeKind  # noqa: E402
 

@@ -26,7 +26,8 @@ from hmap_core.komo.features import (
 )
 from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.options import SolverOptions
-from hmap_core.komo.transcription import KomoProblem, Status
+from hmap_core.komo.result import Status
+from hmap_core.komo.transcription import KomoProblem
 from hmap_core.transforms import multiply, pose, rotation_matrix, to_matrix
 from hmap_core.types import Shape, ShapeKind
 

@@ -10,23 +10,16 @@ from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.kinematics.chain import Chain
 from hmap_core.kinematics.model import KinematicModel, PlacedArm
 from hmap_core.komo import solver
+from hmap_core.komo.allowances import RELAXATION, relaxed, verification, without_pairs
 from hmap_core.komo.arrays import Multipliers
 from hmap_core.komo.banded import PADDING, cholesky_solve
 from hmap_core.komo.features import axis_alignment, joint_position, pose_params, relative_pose, relative_position
 from hmap_core.komo.features.base import MAX_DIM
+from hmap_core.komo.ik import follow_ik, solve_ik_batch
 from hmap_core.komo.objective import Objective, ObjectiveType
+from hmap_core.komo.options import IK_OPTIONS, SolverOptions
 from hmap_core.komo.solver import path_violations
-from hmap_core.komo.transcription import (
-    IK_OPTIONS,
-    RELAXATION,
-    KomoProblem,
-    SolverOptions,
-    follow_ik,
-    relaxed,
-    solve_ik_batch,
-    verification,
-    without_pairs,
-)
+from hmap_core.komo.transcription import KomoProblem
 from hmap_core.transforms import IDENTITY, apply, distance, from_matrix, multiply, pose
 
 BOX = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])

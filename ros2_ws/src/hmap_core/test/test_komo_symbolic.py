@@ -14,7 +14,8 @@ from hmap_core.komo.features import above, relative_position, symbolic_feature
 from hmap_core.komo.features.base import MAX_DIM
 from hmap_core.komo.features.symbolic import find_compiler, library, symbolic_map
 from hmap_core.komo.objective import Objective, ObjectiveType
-from hmap_core.komo.transcription import IK_OPTIONS, KomoProblem
+from hmap_core.komo.options import IK_OPTIONS
+from hmap_core.komo.transcription import KomoProblem
 from hmap_core.transforms import apply, from_rpy, inverse, multiply, pose, rotation_matrix
 
 EVALUATORS = {"compiled": True, "interpreted": False}

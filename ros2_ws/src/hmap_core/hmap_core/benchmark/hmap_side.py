@@ -6,9 +6,10 @@ import numpy as np
 
 from hmap_core.benchmark.instances import Answer, MotionInstance
 from hmap_core.collision.convex import ConvexSet, from_hulls, hull_vertices
+from hmap_core.komo.ik import solve_ik
+from hmap_core.komo.options import IK_OPTIONS
 from hmap_core.komo.skeleton import Skeleton, SkeletonEntry, Symbol
 from hmap_core.komo.skeleton_problem import SkeletonProblem
-from hmap_core.komo.transcription import IK_OPTIONS, solve_ik
 from hmap_core.komo.workspace import Workspace
 from hmap_core.transforms import apply, inverse, multiply
 from hmap_core.types import Body

@@ -17,9 +17,11 @@ from scipy.spatial.transform import Rotation
 
 from hmap_core.contacts.hand_reach import hand_reach
 from hmap_core.komo.features import pose_params_all, relative_pose
+from hmap_core.komo.ik import follow_ik, solve_ik_batch
 from hmap_core.komo.manipulation import Manipulation, Phase, bit, retreated
 from hmap_core.komo.objective import Objective, ObjectiveType
-from hmap_core.komo.transcription import IK_OPTIONS, KomoProblem, follow_ik, solve_ik_batch
+from hmap_core.komo.options import IK_OPTIONS
+from hmap_core.komo.transcription import KomoProblem
 from hmap_core.transforms import IDENTITY, inverse, multiply, multiply_all, rotation_matrix
 from hmap_core.types import ContactKind, ContactPoint
 

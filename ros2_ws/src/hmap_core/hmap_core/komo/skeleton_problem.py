@@ -9,9 +9,10 @@ from hmap_core.exceptions import InputError
 from hmap_core.komo.clearances import Clearances
 from hmap_core.komo.features import above, joint_position, pose_params_all, relative_pose, relative_position
 from hmap_core.komo.objective import Objective, ObjectiveType
+from hmap_core.komo.options import SolverOptions
 from hmap_core.komo.skeleton import Skeleton, SkeletonEntry, Symbol
 from hmap_core.komo.timeline import Place, Timeline
-from hmap_core.komo.transcription import KomoProblem, SolverOptions
+from hmap_core.komo.transcription import KomoProblem
 from hmap_core.komo.workspace import Workspace
 from hmap_core.transforms import IDENTITY, apply, consistent, multiply, multiply_all
 

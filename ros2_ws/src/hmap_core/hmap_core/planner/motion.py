@@ -15,11 +15,13 @@ from hmap_core.collision.scene_model import CollisionModel, Collisions
 from hmap_core.contacts.feasibility import APPROACH_STEPS, draw_back, ik_problem
 from hmap_core.exceptions import Code, MotionError
 from hmap_core.execution.timing import spline, time_parameterise
+from hmap_core.komo.allowances import relaxed, verification
 from hmap_core.komo.features import joint_position, relative_pose
 from hmap_core.komo.manipulation import CARRIED, Manipulation, Phase, bit, free_opening, retreated
 from hmap_core.komo.objective import Objective, ObjectiveType
+from hmap_core.komo.options import SolverOptions
 from hmap_core.komo.solver import path_violations
-from hmap_core.komo.transcription import KomoProblem, SolverOptions, relaxed, verification
+from hmap_core.komo.transcription import KomoProblem
 from hmap_core.planner.interfaces import RobotContact, SegmentMotion
 from hmap_core.planner.transit import find_transit, resampled
 from hmap_core.transforms import IDENTITY, consistent, distance, inverse, multiply, multiply_all
