@@ -16,8 +16,12 @@ from hmap_core.benchmark.problems.puck import APPROACH, APPROACH_STEPS, DISC, OB
 from hmap_core.benchmark.sampling import drawn_back
 from hmap_core.exceptions import WaypointError
 from hmap_core.transforms import interpolate, inverse, multiply
+from hmap_core.types import Body
 from hmap_core.waypoints import ObjectPathProblem, plan_waypoints
 
+ROUNDS = 6  # object paths tried, each for the whole task
+# m that an object path keeps from what stands around, round by round: the shortest way leaves the hand no room
+MARGINS = (0.002, 0.05)
 SPACING = 0.15  # m between two waypoints
 STEPS = 10  # of each phase: reach, and one for each waypoint that the contact serves for
 POSTURE_RESTARTS = 4
@@ -33,12 +37,12 @@ class LoopSide:
     """What a side brings to the loop.
 
     Attributes:
-        object_path: (instance) -> poses (M, 7) from start to goal, or None.
+        object_path: (instance, round) -> poses (M, 7) from start to goal, or None; another in each round.
         prepare, solve: as of a motion problem.
         retarget: moves targets of something prepared to those of another instance.
     """
 
-    object_path: Callable[[LoopInstance], np.ndarray | None]
+    object_path: Callable[[LoopInstance, int], np.ndarray | None]
     prepare: Callable
     solve: Callable[..., Answer]
     retarget: Callable
@@ -49,19 +53,26 @@ class LoopSide:
 
     def run(self, instance: LoopInstance, prepared) -> Answer:
         """The loop; its path is a list of (motion instance, path)."""
-        poses = self.object_path(instance)
-        if poses is None:
-            return Answer(False)
-        places = spaced(poses)
+        for attempt in range(ROUNDS):
+            poses = self.object_path(instance, attempt)
+            done = None if poses is None else self._along(instance, prepared, spaced(poses))
+            if done is not None:
+                return Answer(True, done)
+        return Answer(False)
+
+    def _along(
+        self, instance: LoopInstance, prepared, places: np.ndarray
+    ) -> list[tuple[MotionInstance, np.ndarray]] | None:
+        """The motions that carry the disc to places (K, 7), the start first; None where some place is not reached."""
         done: list[tuple[MotionInstance, np.ndarray]] = []
         q, at = _robot(instance).q, 0
         while at + 1 < len(places):
             step = self._carried(instance, prepared, places[at:], q)
             if step is None:
-                return Answer(False)
+                return None
             done.append(step)
             q, at = step[1][-1], at + len(step[0].steps_per_phase) - 1
-        return Answer(True, done)
+        return done
 
     def _carried(self, instance: LoopInstance, prepared, places: np.ndarray, q: np.ndarray):
         """The motion with the first contact that serves to the end, else with those that serve farthest."""
@@ -162,24 +173,28 @@ def judge_loop(instance: LoopInstance, motions: list[tuple[MotionInstance, np.nd
     return found
 
 
-def _hmap_path(instance: LoopInstance) -> np.ndarray | None:
+def _margin(attempt: int) -> float:
+    return MARGINS[attempt % len(MARGINS)]
+
+
+def _hmap_path(instance: LoopInstance, attempt: int) -> np.ndarray | None:
     scene = instance.scene
     obstacles = tuple(body for name, body in scene.bodies.items() if name != DISC)
     disc = scene.bodies[DISC]
-    problem = ObjectPathProblem(disc, disc.pose, scene.goal.pose, obstacles, motion="planar")
+    problem = ObjectPathProblem(disc, disc.pose, scene.goal.pose, obstacles, motion="planar", margin=_margin(attempt))
     try:
-        return plan_waypoints(problem, np.random.default_rng(instance.seed)).poses
+        return plan_waypoints(problem, np.random.default_rng([instance.seed, attempt])).poses
     except WaypointError:
         return None
 
 
-def _rai_path(instance: LoopInstance) -> np.ndarray | None:
+def _rai_path(instance: LoopInstance, attempt: int) -> np.ndarray | None:
     ry = rai_side.robotic()
     scene = instance.scene
     C = ry.Config()
     C.addFrame("world")
     rai_side.add_body(ry, C, scene.bodies[OBSTACLE], rai_side.ROUNDING, False)
-    rai_side.add_body(ry, C, scene.bodies[DISC], rai_side.ROUNDING, False)
+    rai_side.add_body(ry, C, _wider(scene.bodies[DISC], _margin(attempt)), rai_side.ROUNDING, False)
     start, goal = scene.bodies[DISC].pose, scene.goal.pose
     disc = C.getFrame(DISC).setRelativePose([0.0, 0.0, start[2], 1.0, 0.0, 0.0, 0.0])
     C.addFrame("mover", "world").setJoint(ry.JT.transXY, limits=REGION)
@@ -187,7 +202,7 @@ def _rai_path(instance: LoopInstance) -> np.ndarray | None:
     finder = ry.RRT_PathFinder()
     finder.setOptions(verbose=0)
     finder.setProblem(C)
-    ry.rnd_seed(instance.seed)
+    ry.rnd_seed(ROUNDS * instance.seed + attempt)
     finder.setStartGoal(start[:2], goal[:2])
     result = finder.solve(0)
     if not result.feasible:
@@ -195,6 +210,12 @@ def _rai_path(instance: LoopInstance) -> np.ndarray | None:
     poses = np.tile(start, (len(result.x), 1))
     poses[:, :2] = result.x
     return poses
+
+
+def _wider(disc: Body, margin: float) -> Body:
+    """A disc with a larger radius (m), for a search that keeps no margin by itself."""
+    radius, height = disc.shapes[0].size
+    return replace(disc, shapes=(replace(disc.shapes[0], size=(radius + margin, height)),))
 
 
 HMAP = LoopSide(_hmap_path, hmap_side.prepare, hmap_side.solve, lambda prepared, instance: None)
