@@ -17,6 +17,7 @@ from hmap_core.benchmark.sampling import drawn_back
 from hmap_core.exceptions import WaypointError
 from hmap_core.transforms import interpolate, inverse, multiply
 from hmap_core.types import Body
+from hmap_core.validation import rigid
 from hmap_core.waypoints import ObjectPathProblem, plan_waypoints
 
 ROUNDS = 6  # object paths tried, each for the whole task
@@ -28,7 +29,7 @@ POSTURE_RESTARTS = 4
 MOTION_RESTARTS = 1
 TRIES = 3  # motions with contacts that serve to the end, and with such that serve for a part of the way
 OPENING = 0.0  # m: a fingertip carries the disc
-REGION = [0.2, -0.6, 0.9, 0.6]  # m, in which RAI's search looks: lower x and y, upper x and y
+REGION = [0.2, -0.6, 0.9, 0.6]  # m, in which both sides look for object paths: lower x and y, upper x and y
 JOINED = 1e-3  # m or rad: how well each motion has to begin where the last one ended
 
 
@@ -162,15 +163,21 @@ def judge_loop(instance: LoopInstance, motions: list[tuple[MotionInstance, np.nd
     found = []
     q, pose = _robot(instance).q, instance.scene.bodies[DISC].pose
     for k, (motion, path) in enumerate(motions):
-        if np.abs(path[0] - q).max() > JOINED or np.abs(motion.scene.bodies[DISC].pose - pose).max() > JOINED:
+        if np.abs(path[0] - q).max() > JOINED or _apart(motion.scene.bodies[DISC].pose, pose):
             found.append(f"motion {k} does not begin where the one before ended")
         found += [f"motion {k}: {text}" for text in judge(motion, path)]
         q = path[-1]
         hand, contact = motion.targets[-1].T_world_ee, motion.rides[0].T_obj_ee
         pose = multiply(hand, inverse(contact))
-    if np.abs(pose - instance.scene.goal.pose).max() > JOINED:
+    if _apart(pose, instance.scene.goal.pose):
         found.append("the disc does not end at its goal")
     return found
+
+
+def _apart(a: np.ndarray, b: np.ndarray) -> bool:
+    """Whether two poses (7,) differ by more than JOINED; a quaternion and its negative are one rotation."""
+    off, turned = rigid.deviation(rigid.matrices(a[None, 3:]), a[None, :3], rigid.matrices(b[3:]), b[:3])
+    return bool(off[0] > JOINED or turned[0] > JOINED)
 
 
 def _margin(attempt: int) -> float:
@@ -181,11 +188,22 @@ def _hmap_path(instance: LoopInstance, attempt: int) -> np.ndarray | None:
     scene = instance.scene
     obstacles = tuple(body for name, body in scene.bodies.items() if name != DISC)
     disc = scene.bodies[DISC]
-    problem = ObjectPathProblem(disc, disc.pose, scene.goal.pose, obstacles, motion="planar", margin=_margin(attempt))
+    bounds = np.column_stack([np.reshape(REGION, (2, 2)), np.repeat(disc.pose[2], 2)])
+    problem = ObjectPathProblem(
+        disc, disc.pose, scene.goal.pose, obstacles, motion="planar", margin=_margin(attempt), bounds=bounds
+    )
     try:
-        return plan_waypoints(problem, np.random.default_rng([instance.seed, attempt])).poses
+        poses = plan_waypoints(problem, np.random.default_rng([instance.seed, attempt])).poses
     except WaypointError:
         return None
+    return _of_middle(poses[:, :2], disc.pose)
+
+
+def _of_middle(places: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Poses (M, 7) of a disc whose middle is at places (M, 2): it is the same however it is turned, so it is not."""
+    poses = np.tile(start, (len(places), 1))
+    poses[:, :2] = places
+    return poses
 
 
 def _rai_path(instance: LoopInstance, attempt: int) -> np.ndarray | None:
@@ -207,9 +225,7 @@ def _rai_path(instance: LoopInstance, attempt: int) -> np.ndarray | None:
     result = finder.solve(0)
     if not result.feasible:
         return None
-    poses = np.tile(start, (len(result.x), 1))
-    poses[:, :2] = result.x
-    return poses
+    return _of_middle(result.x, start)
 
 
 def _wider(disc: Body, margin: float) -> Body:
