@@ -16,15 +16,20 @@ from hmap_core.benchmark.problems.puck import APPROACH, APPROACH_STEPS, DISC, OB
 from hmap_core.benchmark.sampling import drawn_back
 from hmap_core.exceptions import WaypointError
 from hmap_core.transforms import interpolate, inverse, multiply
+from hmap_core.types import Body
+from hmap_core.validation import rigid
 from hmap_core.waypoints import ObjectPathProblem, plan_waypoints
 
+ROUNDS = 6  # object paths tried, each for the whole task
+# m that an object path keeps from what stands around, round by round: the shortest way leaves the hand no room
+MARGINS = (0.002, 0.05)
 SPACING = 0.15  # m between two waypoints
 STEPS = 10  # of each phase: reach, and one for each waypoint that the contact serves for
 POSTURE_RESTARTS = 4
 MOTION_RESTARTS = 1
 TRIES = 3  # motions with contacts that serve to the end, and with such that serve for a part of the way
 OPENING = 0.0  # m: a fingertip carries the disc
-REGION = [0.2, -0.6, 0.9, 0.6]  # m, in which RAI's search looks: lower x and y, upper x and y
+REGION = [0.2, -0.6, 0.9, 0.6]  # m, in which both sides look for object paths: lower x and y, upper x and y
 JOINED = 1e-3  # m or rad: how well each motion has to begin where the last one ended
 
 
@@ -33,12 +38,12 @@ class LoopSide:
     """What a side brings to the loop.
 
     Attributes:
-        object_path: (instance) -> poses (M, 7) from start to goal, or None.
+        object_path: (instance, round) -> poses (M, 7) from start to goal, or None; another in each round.
         prepare, solve: as of a motion problem.
         retarget: moves targets of something prepared to those of another instance.
     """
 
-    object_path: Callable[[LoopInstance], np.ndarray | None]
+    object_path: Callable[[LoopInstance, int], np.ndarray | None]
     prepare: Callable
     solve: Callable[..., Answer]
     retarget: Callable
@@ -49,19 +54,26 @@ class LoopSide:
 
     def run(self, instance: LoopInstance, prepared) -> Answer:
         """The loop; its path is a list of (motion instance, path)."""
-        poses = self.object_path(instance)
-        if poses is None:
-            return Answer(False)
-        places = spaced(poses)
+        for attempt in range(ROUNDS):
+            poses = self.object_path(instance, attempt)
+            done = None if poses is None else self._along(instance, prepared, spaced(poses))
+            if done is not None:
+                return Answer(True, done)
+        return Answer(False)
+
+    def _along(
+        self, instance: LoopInstance, prepared, places: np.ndarray
+    ) -> list[tuple[MotionInstance, np.ndarray]] | None:
+        """The motions that carry the disc to places (K, 7), the start first; None where some place is not reached."""
         done: list[tuple[MotionInstance, np.ndarray]] = []
         q, at = _robot(instance).q, 0
         while at + 1 < len(places):
             step = self._carried(instance, prepared, places[at:], q)
             if step is None:
-                return Answer(False)
+                return None
             done.append(step)
             q, at = step[1][-1], at + len(step[0].steps_per_phase) - 1
-        return Answer(True, done)
+        return done
 
     def _carried(self, instance: LoopInstance, prepared, places: np.ndarray, q: np.ndarray):
         """The motion with the first contact that serves to the end, else with those that serve farthest."""
@@ -151,35 +163,56 @@ def judge_loop(instance: LoopInstance, motions: list[tuple[MotionInstance, np.nd
     found = []
     q, pose = _robot(instance).q, instance.scene.bodies[DISC].pose
     for k, (motion, path) in enumerate(motions):
-        if np.abs(path[0] - q).max() > JOINED or np.abs(motion.scene.bodies[DISC].pose - pose).max() > JOINED:
+        if np.abs(path[0] - q).max() > JOINED or _apart(motion.scene.bodies[DISC].pose, pose):
             found.append(f"motion {k} does not begin where the one before ended")
         found += [f"motion {k}: {text}" for text in judge(motion, path)]
         q = path[-1]
         hand, contact = motion.targets[-1].T_world_ee, motion.rides[0].T_obj_ee
         pose = multiply(hand, inverse(contact))
-    if np.abs(pose - instance.scene.goal.pose).max() > JOINED:
+    if _apart(pose, instance.scene.goal.pose):
         found.append("the disc does not end at its goal")
     return found
 
 
-def _hmap_path(instance: LoopInstance) -> np.ndarray | None:
+def _apart(a: np.ndarray, b: np.ndarray) -> bool:
+    """Whether two poses (7,) differ by more than JOINED; a quaternion and its negative are one rotation."""
+    off, turned = rigid.deviation(rigid.matrices(a[None, 3:]), a[None, :3], rigid.matrices(b[3:]), b[:3])
+    return bool(off[0] > JOINED or turned[0] > JOINED)
+
+
+def _margin(attempt: int) -> float:
+    return MARGINS[attempt % len(MARGINS)]
+
+
+def _hmap_path(instance: LoopInstance, attempt: int) -> np.ndarray | None:
     scene = instance.scene
     obstacles = tuple(body for name, body in scene.bodies.items() if name != DISC)
     disc = scene.bodies[DISC]
-    problem = ObjectPathProblem(disc, disc.pose, scene.goal.pose, obstacles, motion="planar")
+    bounds = np.column_stack([np.reshape(REGION, (2, 2)), np.repeat(disc.pose[2], 2)])
+    problem = ObjectPathProblem(
+        disc, disc.pose, scene.goal.pose, obstacles, motion="planar", margin=_margin(attempt), bounds=bounds
+    )
     try:
-        return plan_waypoints(problem, np.random.default_rng(instance.seed)).poses
+        poses = plan_waypoints(problem, np.random.default_rng([instance.seed, attempt])).poses
     except WaypointError:
         return None
+    return _of_middle(poses[:, :2], disc.pose)
 
 
-def _rai_path(instance: LoopInstance) -> np.ndarray | None:
+def _of_middle(places: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Poses (M, 7) of a disc whose middle is at places (M, 2): it is the same however it is turned, so it is not."""
+    poses = np.tile(start, (len(places), 1))
+    poses[:, :2] = places
+    return poses
+
+
+def _rai_path(instance: LoopInstance, attempt: int) -> np.ndarray | None:
     ry = rai_side.robotic()
     scene = instance.scene
     C = ry.Config()
     C.addFrame("world")
     rai_side.add_body(ry, C, scene.bodies[OBSTACLE], rai_side.ROUNDING, False)
-    rai_side.add_body(ry, C, scene.bodies[DISC], rai_side.ROUNDING, False)
+    rai_side.add_body(ry, C, _wider(scene.bodies[DISC], _margin(attempt)), rai_side.ROUNDING, False)
     start, goal = scene.bodies[DISC].pose, scene.goal.pose
     disc = C.getFrame(DISC).setRelativePose([0.0, 0.0, start[2], 1.0, 0.0, 0.0, 0.0])
     C.addFrame("mover", "world").setJoint(ry.JT.transXY, limits=REGION)
@@ -187,14 +220,18 @@ def _rai_path(instance: LoopInstance) -> np.ndarray | None:
     finder = ry.RRT_PathFinder()
     finder.setOptions(verbose=0)
     finder.setProblem(C)
-    ry.rnd_seed(instance.seed)
+    ry.rnd_seed(ROUNDS * instance.seed + attempt)
     finder.setStartGoal(start[:2], goal[:2])
     result = finder.solve(0)
     if not result.feasible:
         return None
-    poses = np.tile(start, (len(result.x), 1))
-    poses[:, :2] = result.x
-    return poses
+    return _of_middle(result.x, start)
+
+
+def _wider(disc: Body, margin: float) -> Body:
+    """A disc with a larger radius (m), for a search that keeps no margin by itself."""
+    radius, height = disc.shapes[0].size
+    return replace(disc, shapes=(replace(disc.shapes[0], size=(radius + margin, height)),))
 
 
 HMAP = LoopSide(_hmap_path, hmap_side.prepare, hmap_side.solve, lambda prepared, instance: None)

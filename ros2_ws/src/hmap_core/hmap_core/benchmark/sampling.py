@@ -12,7 +12,7 @@ from hmap_core.benchmark.instances import Ride
 from hmap_core.benchmark.world import clearance, robot_data
 from hmap_core.contacts.surface import sample_surface
 from hmap_core.kinematics.arm import load_arm
-from hmap_core.transforms import from_matrix, multiply, pose
+from hmap_core.transforms import from_matrix, interpolate, multiply, pose
 from hmap_core.types import Body, BodyKind, Robot, Scene
 from hmap_core.validation import arm, rigid
 
@@ -22,6 +22,8 @@ IK_ITERATIONS = 60
 IK_DAMPING = 1e-3
 IK_MAX_STEP = 0.4  # rad, of one joint in one iteration
 IK_TOLERANCE = 1e-6  # m and rad
+MAX_JUMP = 0.2  # rad of a joint from one place to the next of a way
+LED_PLACES, BACK_PLACES = 12, 3  # at which a straight way with the object, and one to the contact, is looked at
 CONTACT_GAP = 0.0003  # m between a touching fingertip and the surface
 
 
@@ -49,14 +51,26 @@ def postures_at(robot: Robot, T_world_ee: np.ndarray, rng: np.random.Generator, 
     Args:
         near: (n,) one of the starts, and the one that the answers are sorted by, nearest first; by default the home.
     """
-    build = arm.build(robot_data(robot))
     near = robot.model.home if near is None else near
     Q = np.array([near, *(random_posture(robot, rng) for _ in range(IK_STARTS - 1))])
+    Q, reached = _brought_to(robot, T_world_ee, Q)
+    Q = Q[reached]
+    return Q[np.argsort(np.abs(Q - near).max(axis=1), kind="stable")]
+
+
+def _brought_to(robot: Robot, T_world_ee: np.ndarray, Q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Configurations (K, n) from those of Q (K, n) with the end-effector at T_world_ee (7,), and which are there (K,).
+
+    Damped least squares, clipped to the limits.
+    """
+    build = arm.build(robot_data(robot))
     lower, upper = robot.model.position_limits
     target_R, target_p = rigid.matrices(T_world_ee[3:]), T_world_ee[:3]
     joints = [build.tree.joint_to(j.child) for j in build.moving(build.data.end_effector_link)]
     for _ in range(IK_ITERATIONS):
         frames, R, p = _frames(build, Q)
+        if _are_at(R, p, target_R, target_p).all():
+            break
         E = np.swapaxes(R, 1, 2) @ target_R
         turn = 0.5 * np.stack([E[:, 2, 1] - E[:, 1, 2], E[:, 0, 2] - E[:, 2, 0], E[:, 1, 0] - E[:, 0, 1]], axis=1)
         error = np.concatenate([target_p - p, (R @ turn[..., None])[..., 0]], axis=1)
@@ -68,10 +82,70 @@ def postures_at(robot: Robot, T_world_ee: np.ndarray, rng: np.random.Generator, 
         A = J @ np.swapaxes(J, 1, 2) + IK_DAMPING**2 * np.eye(6)
         step = (np.swapaxes(J, 1, 2) @ np.linalg.solve(A, error[..., None]))[..., 0]
         Q = np.clip(Q + np.clip(step, -IK_MAX_STEP, IK_MAX_STEP), lower, upper)
-    _, R, p = _frames(build, Q)
+    return Q, _are_at(*_frames(build, Q)[1:], target_R, target_p)
+
+
+def _are_at(R: np.ndarray, p: np.ndarray, target_R: np.ndarray, target_p: np.ndarray) -> np.ndarray:
     off, turned = rigid.deviation(R, p, target_R, target_p)
-    Q = Q[(off < IK_TOLERANCE) & (turned < IK_TOLERANCE)]
-    return Q[np.argsort(np.abs(Q - near).max(axis=1), kind="stable")]
+    return (off < IK_TOLERANCE) & (turned < IK_TOLERANCE)
+
+
+def _followed(robot: Robot, Q: np.ndarray, targets: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Configurations (S, K, n) that bring the end-effector from Q (K, n) to S poses (7,) in turn, and which can (K,).
+
+    Where no joint jumps by more than MAX_JUMP from one pose to the next.
+    """
+    can, ways = np.ones(len(Q), bool), []
+    for T in targets:
+        there, reached = _brought_to(robot, T, Q)
+        can &= reached & (np.abs(there - Q).max(axis=1) <= MAX_JUMP)
+        Q = there
+        ways.append(Q)
+    return np.array(ways), can
+
+
+def straight_is_free(
+    scene: Scene,
+    opening: float,
+    ride: Ride,
+    goal: np.ndarray,
+    approach: float,
+    rng: np.random.Generator,
+    margin: float,
+) -> bool:
+    """Whether the robot of a ride can come to the object, and carry it straight from its start to a goal (7,).
+
+    A proof by example: one of the postures at the contact, led back by ``approach`` (m) along the hand's z axis, and
+    led on with the object. Free is as in :func:`ends_are_free`, at LED_PLACES and BACK_PLACES places.
+    """
+    robot, body = scene.robots[ride.robot], scene.bodies[ride.object]
+    touching = _may_touch(scene, ride)
+    poses = [interpolate(body.pose, goal, share) for share in np.linspace(0.0, 1.0, LED_PLACES)]
+    back = [drawn_back(ride.T_obj_ee, share * approach) for share in np.linspace(0.0, 1.0, BACK_PLACES)]
+    Q = postures_at(robot, multiply(body.pose, ride.T_obj_ee), rng, robot.q)
+    if not len(Q):
+        return False
+    led, can_lead = _followed(robot, Q, [multiply(T, ride.T_obj_ee) for T in poses])
+    come, can_come = _followed(robot, Q, [multiply(body.pose, T) for T in back])
+    places = [*poses, *[body.pose] * len(back)]
+    ways = np.concatenate([led, come])
+    return any(
+        all(_free(scene, opening, ride, T, q, margin, touching) for T, q in zip(places, ways[:, k], strict=True))
+        for k in np.flatnonzero(can_lead & can_come)
+    )
+
+
+def _may_touch(scene: Scene, ride: Ride) -> set[frozenset[str]]:
+    """Fingers and the object of a ride, and the object and what stands for good."""
+    robot, name = scene.robots[ride.robot], ride.object
+    pairs = {frozenset((f"{robot.name}/{link}", name)) for link in robot.model.gripper.finger_links}
+    return pairs | {frozenset((name, other)) for other in scene.bodies if scene.bodies[other].kind is BodyKind.FIXED}
+
+
+def _free(scene: Scene, opening: float, ride: Ride, T: np.ndarray, q: np.ndarray, margin: float, touching) -> bool:
+    """Whether the robot of a ride at q (n,) is ``margin`` (m) from everything, with the object at T (7,)."""
+    there = replace(scene, bodies=scene.bodies | {ride.object: replace(scene.bodies[ride.object], pose=T)})
+    return clearance(there, {ride.robot: opening}, {ride.robot: q}, margin, touching) >= margin
 
 
 def ends_are_free(
@@ -82,14 +156,11 @@ def ends_are_free(
     Free is ``margin`` (m) from everything, but for the fingers at the object and the object on what it stands on.
     """
     robot, body = scene.robots[ride.robot], scene.bodies[ride.object]
-    fingers = robot.model.gripper.finger_links
-    touching = {frozenset((f"{robot.name}/{link}", body.name)) for link in fingers}
-    touching |= {frozenset((body.name, other)) for other in scene.bodies if scene.bodies[other].kind is BodyKind.FIXED}
+    touching = _may_touch(scene, ride)
     near = robot.q
     for T in (body.pose, goal):
-        there = replace(scene, bodies=scene.bodies | {body.name: replace(body, pose=T)})
         for q in postures_at(robot, multiply(T, ride.T_obj_ee), rng, near):
-            if clearance(there, {robot.name: opening}, {robot.name: q}, margin, touching) >= margin:
+            if _free(scene, opening, ride, T, q, margin, touching):
                 near = q
                 break
         else:

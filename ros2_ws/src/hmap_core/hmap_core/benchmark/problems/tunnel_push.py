@@ -8,7 +8,7 @@ import numpy as np
 
 from hmap_core.benchmark.instances import MotionInstance, Ride, box, scene_of
 from hmap_core.benchmark.problems.common import SAFE, TABLE, carried, panda, sampled, table, yaw_quaternion
-from hmap_core.benchmark.sampling import contact_pose, ends_are_free, hand_axes
+from hmap_core.benchmark.sampling import contact_pose, hand_axes, straight_is_free
 from hmap_core.transforms import pose
 from hmap_core.types import Body, BodyKind, Goal, Shape, ShapeKind
 
@@ -61,6 +61,6 @@ def _attempt(seed: int, rng: np.random.Generator) -> MotionInstance | None:
     ]
     scene = scene_of("tunnel_push", seed, bodies, [robot], Goal(BAR, goal))
     ride = Ride(robot.name, BAR, 1, contact, support=TABLE)
-    if not ends_are_free(scene, 0.0, ride, goal, rng, SAFE):
+    if not straight_is_free(scene, 0.0, ride, goal, APPROACH, rng, SAFE):
         return None
     return carried(scene, 0.0, STEPS, ride, goal, (APPROACH, APPROACH_STEPS), seed, touching=True)
