@@ -29,7 +29,7 @@ class SolverOptions:
         refinements: how often samples are added where a solved path comes too near between them.
     """
 
-    mu: float = 300.0
+    mu: float = 3000.0
     mu_growth: float = 3.0
     mu_max: float = 1e6
     tolerance: float = 1e-4
@@ -39,7 +39,7 @@ class SolverOptions:
     max_step: float = 0.5
     damping: float = 1e-3
     step_tolerance: float = 5e-3
-    gain_tolerance: float = 2e-2
+    gain_tolerance: float = 5e-2
     acceleration: float = 1.0
     velocity: float = 0.0
     substeps: int = 2
