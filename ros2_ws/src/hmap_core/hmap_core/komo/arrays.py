@@ -11,7 +11,7 @@ Terms = namedtuple("Terms", "kernel type step dim scale frames offset params tar
 # first[t]:first[t+1], the last of them the step itself; alpha (S,): where in the interval; mask (S,): bits of phases
 # whose pairs count.
 Samples = namedtuple("Samples", "first alpha mask")
-# Options: see SolverOptions in transcription.py.
+# Options: see SolverOptions in options.py.
 Options = namedtuple(
     "Options",
     "mu mu_growth mu_max tolerance outer inner iterations max_step damping step_tolerance gain_tolerance "

@@ -22,7 +22,7 @@ from hmap_core.komo.features.base import MAX_DIM, call_kernel
 SOS, EQ, INEQ, BAND = 0, 1, 2, 3  # a band is an equality that may be missed by a little, as between steps
 MAX_ORDER = 2
 # a round that leaves more than this share of the violation stalls; after so many in a row the solve ends
-STALL, STALLS = 0.8, 4
+STALL, STALLS = 0.8, 8
 MODEL_ROUNDS = 6  # systems solved for one step, at most
 # shares of what the slope promises (a quadratic gives half) below which a step is refused, the next one is damped
 # more, and above which it is damped less
