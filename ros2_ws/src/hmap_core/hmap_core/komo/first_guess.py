@@ -69,7 +69,9 @@ def _phase_end(
     own = _one_step(terms, np.flatnonzero(asked) + rows.start)
     samples = Samples(np.array([0, 1]), np.ones(1), samples.mask[sample : sample + 1])
     random = rng.uniform(problem.chain.lower, problem.chain.upper, (IK_STARTS, len(near)))
-    starts = random if attempt else np.concatenate([near[None], random])
+    # another posture to begin with; what follows stays on its branch of the arm, or carrying could not connect the two
+    elsewhere = attempt > 0 and phase == 0
+    starts = random if elsewhere else np.concatenate([near[None], random])
     return solve_until(
         starts, near, problem.chain, own, terms.params, cols, without_pairs(cols), samples, IK_OPTIONS.pack()
     )[0]

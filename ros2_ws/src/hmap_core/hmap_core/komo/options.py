@@ -36,7 +36,7 @@ class SolverOptions:
     outer: int = 20
     inner: int = 10
     iterations: int = 120
-    max_step: float = 0.5
+    max_step: float = 0.3
     damping: float = 1e-3
     step_tolerance: float = 5e-3
     gain_tolerance: float = 5e-2
