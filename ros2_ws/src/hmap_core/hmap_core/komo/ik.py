@@ -35,9 +35,8 @@ def solve_ik(problem: KomoProblem, params: np.ndarray, starts: np.ndarray, near:
     """
     terms, padded, cols, samples, options = _one_step(problem, params[None])
     starts, near = np.ascontiguousarray(starts, float), np.ascontiguousarray(near, float)
-    q, violation = solve_until(
-        starts, near, problem.chain, terms, padded[0], cols, without_pairs(cols), samples, options
-    )  # fmt: skip
+    free = without_pairs(cols)
+    q, violation = solve_until(starts, near, problem.chain, terms, padded[0], cols, free, samples, options)
     return q if violation <= problem.options.tolerance and np.isfinite(q).all() else None
 
 
@@ -55,8 +54,6 @@ def solve_ik_batch(problem: KomoProblem, params: np.ndarray, initial: np.ndarray
     X = np.ascontiguousarray(initial, float)[:, None, :].copy()
     prefix = np.ascontiguousarray(np.repeat(np.asarray(near, float)[:, None, :], 2, axis=1))
     terms, padded, cols, samples, options = _one_step(problem, params)
-    violation = solve_batch(
-        X, prefix, problem.chain, terms, padded, cols, without_pairs(cols), samples, options
-    )  # fmt: skip
+    violation = solve_batch(X, prefix, problem.chain, terms, padded, cols, without_pairs(cols), samples, options)
     feasible = (violation.max(1) <= problem.options.tolerance) & np.isfinite(X).all((1, 2))
     return X[:, 0], feasible
