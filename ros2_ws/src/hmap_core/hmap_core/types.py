@@ -79,6 +79,26 @@ class Gripper:
 
 
 @dataclass(frozen=True)
+class HeldBody:
+    """A body that a robot holds and works with, as if it were part of the hand.
+
+    Attributes:
+        shapes: in the body's frame.
+        T_ee_body: (7,) where it is in the hand.
+        opening: of the gripper that holds it, m.
+        friction: its lateral Coulomb coefficient.
+        up: (3,) what was up, in the body's frame, when it stood.
+    """
+
+    name: str
+    shapes: tuple[Shape, ...]
+    T_ee_body: np.ndarray
+    opening: float
+    friction: float
+    up: np.ndarray
+
+
+@dataclass(frozen=True)
 class RobotModel:
     """A serial arm: a URDF and what a URDF does not say.
 
@@ -99,6 +119,7 @@ class RobotModel:
     gripper: Gripper | None
     ignored_collisions: tuple[tuple[str, str], ...]  # pairs of link names
     simulation: dict = field(default_factory=dict)  # gains and forces for the simulated controller
+    held: HeldBody | None = None  # what the hand holds to work with; it then cannot grip
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hmap_core.types import ContactKind, ContactPoint, Gripper
+from hmap_core.types import ContactKind, ContactPoint, Gripper, HeldBody
 
 # palm to fingertip centre: a tall object ends below it, m
 PALM_CLEARANCE = 0.039
@@ -22,14 +22,20 @@ class Hand:
     """What of the hand matters to a contact, in the end-effector frame (z approach, y closing).
 
     Attributes:
-        tip: (V, 3) vertices of the convex hull of the closed fingers (opening 0), or of the held tool's end.
-        gripper: None for an arm without fingers or with a tool in them; it then cannot grasp.
+        tip: (V, 3) vertices of the convex hull of the closed fingers (opening 0), or of what they hold.
+        gripper: None for an arm without fingers or with a body in them; it then cannot grasp.
+        held: the body in the fingers, which touches in their place.
         palm_clearance: from the palm to the fingertip centre, m.
     """
 
     tip: np.ndarray
     gripper: Gripper | None
+    held: HeldBody | None = None
     palm_clearance: float = PALM_CLEARANCE
+
+    def friction(self, object_friction: float) -> float:
+        """Lateral Coulomb coefficient of its touch on an object with this one."""
+        return object_friction if self.held is None else min(object_friction, self.held.friction)
 
 
 @dataclass(frozen=True)

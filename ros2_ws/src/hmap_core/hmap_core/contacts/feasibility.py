@@ -15,7 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from hmap_core.contacts.hand import hand_of
 from hmap_core.contacts.hand_reach import hand_reach
+from hmap_core.contacts.push import push_reach
 from hmap_core.komo.features import pose_params_all, relative_pose
 from hmap_core.komo.ik import follow_ik, solve_ik_batch
 from hmap_core.komo.manipulation import Manipulation, Phase, bit, retreated
@@ -87,7 +89,8 @@ def feasible_contacts(
 def reach_bounds(manipulation: Manipulation, contacts: Sequence[ContactPoint], object_poses: np.ndarray) -> np.ndarray:
     """Farthest pose (K,) to which hand and object alone could go and the hand then leave; -1: it cannot even come.
 
-    The path is looked at in at most COARSE_POSES places, so this is a bound and not the reach itself.
+    A push ends before it would slip. The path is looked at in at most COARSE_POSES places, so this is a bound and not
+    the reach itself.
     """
     M = len(object_poses)
     places = np.unique(np.round(np.linspace(0, M - 1, min(M, COARSE_POSES))).astype(int))
@@ -109,7 +112,9 @@ def reach_bounds(manipulation: Manipulation, contacts: Sequence[ContactPoint], o
         # the first place that was blocked is not reached, but all before it may be
         limit = np.append(places[1:] - 1, M - 1)
         bound[members] = np.where(place >= 0, limit[place], -1)
-    return bound
+    scene = manipulation.scene
+    hand = hand_of(scene.robots[manipulation.robot])
+    return np.minimum(bound, push_reach(scene.bodies[manipulation.object], hand, contacts, object_poses))
 
 
 def alike(contacts: Sequence[ContactPoint]) -> list[list[int]]:

@@ -1,4 +1,7 @@
-"""Pushes: closed fingers against a side of an object that slides on its support."""
+"""Pushes: closed fingers, or a held body, against a side of an object that slides on its support."""
+
+from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -6,12 +9,13 @@ from numba import njit
 from hmap_core.collision.convex import convex_set
 from hmap_core.contacts import scoring
 from hmap_core.contacts.camera import COVER, Cloud
-from hmap_core.contacts.candidates import Candidates, Hand, Situation, frames, on_surface
-from hmap_core.contacts.friction import characteristic_length, stable_pushes
-from hmap_core.contacts.solids import Solids, covered
-from hmap_core.transforms import inverse, multiply, rotation_matrix
-from hmap_core.types import Body, ContactKind
-from hmap_core.waypoints.support import feet
+from hmap_core.contacts.candidates import CONTACT_GAP, Candidates, Hand, Situation, frames, on_surface
+from hmap_core.contacts.facets import held_facets, placed
+from hmap_core.contacts.friction import characteristic_length, cone_generators, in_cone, needed_wrench, stable_pushes
+from hmap_core.contacts.solids import Solids, covered, solids
+from hmap_core.transforms import IDENTITY, apply, inverse, multiply, rotation_matrix
+from hmap_core.types import Body, ContactKind, ContactPoint
+from hmap_core.waypoints.support import centre_of_mass, feet
 
 # a face this near to upright can be pushed, rad
 UPRIGHT = float(np.deg2rad(10.0))
@@ -28,6 +32,10 @@ MAX_RISE = 1e-3  # m
 MAX_TILT = float(np.deg2rad(1.0))
 # steps by which a contact line is shortened to end on the face
 SHRINKING = np.linspace(1.0, 0.0, 11)
+# vertices this near to the pushed plane touch it, m
+TOUCHING = 4 * CONTACT_GAP
+# motions that differ by less than this share of their size are one
+SAME_TWIST = 1e-3
 
 
 def slide_twists(T0: np.ndarray, T1: np.ndarray, centre: np.ndarray) -> np.ndarray | None:
@@ -61,8 +69,8 @@ def _on_face(points, normals, sides, steps, kind, R, p, size, planes, start):
     return out
 
 
-def _oriented(n: int, normals: np.ndarray, up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Frames (n * K, 3, 3) for every lean and roll, and the horizontal tangents (n * K, 3)."""
+def _oriented(n: int, normals: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Frames (n * K, 3, 3) for every lean and roll."""
     lean = np.tile(np.repeat(LEANS, len(ROLLS)), n)
     roll = np.tile(ROLLS, n * len(LEANS))
     count = len(LEANS) * len(ROLLS)
@@ -71,50 +79,168 @@ def _oriented(n: int, normals: np.ndarray, up: np.ndarray) -> tuple[np.ndarray, 
     z = -np.cos(lean)[:, None] * up + np.sin(lean)[:, None] * inward
     tangent = np.cross(up, inward)
     x = np.cos(roll)[:, None] * tangent + np.sin(roll)[:, None] * np.cross(z, tangent)
-    return frames(z, x), tangent
+    return frames(z, x)
+
+
+class Slide:
+    """An object that slides on its support.
+
+    Args:
+        body: the object.
+        T_world_obj: (7,) where it stands.
+
+    Attributes:
+        level: (3, 3) from the object's frame to level axes, those of the world at T_world_obj.
+        up: (3,) in the object's frame.
+        footprint: polygons (n, 2) on which it stands, level axes; empty when it does not stand on a face.
+        lowest: m, height of the support over the object's origin.
+        centre, middle: (3,), (2,) centre of mass, in the object's frame and on the ground.
+    """
+
+    def __init__(self, body: Body, T_world_obj: np.ndarray):
+        shapes = convex_set(body.shapes)
+        self.body = body
+        self.level = rotation_matrix(T_world_obj)
+        self.up = self.level[2]
+        self.footprint, self.lowest = feet(shapes, self.level)
+        self.centre = centre_of_mass(shapes)
+        self.middle = (self.level @ self.centre)[:2]
+        self.own = solids([(shape, IDENTITY) for shape in body.shapes])
+
+    @cached_property
+    def length(self) -> float:
+        return characteristic_length(self.footprint, self.middle)
+
+    def lines(self, points, normals, R, origin, feature, tip) -> tuple[np.ndarray, np.ndarray]:
+        """Lines of contact: ends (N, 2, 2) about the middle and normals (N, 2) in level axes.
+
+        The vertices ``tip`` (V, 3) of the pusher that are ``feature`` (N, V) lie against the face at ``points``.
+        """
+        flat = _leveled(normals, self.level)
+        flat /= np.linalg.norm(flat, axis=1)[:, None]
+        sideways = np.stack([flat[:, 1], -flat[:, 0], np.zeros(len(flat))], axis=1) @ self.level
+        ends = _contact_lines(points, normals, sideways, R, origin, feature, tip, self.own)
+        return np.stack([_leveled(e, self.level) for e in ends], axis=1) - self.middle, flat
+
+    def twists(self, poses: np.ndarray) -> list[np.ndarray | None]:
+        """Twists (2, 3) vx, vy, w of each step between poses (M, 7), in level axes on the object; None: no slide."""
+        found = []
+        for T0, T1 in zip(poses, poses[1:], strict=False):
+            twists = slide_twists(T0, T1, self.centre)
+            if twists is not None:
+                turn = self.level @ rotation_matrix(T0).T
+                if abs(turn[2, 2]) < np.cos(MAX_TILT):
+                    twists = None
+                else:
+                    twists = np.column_stack([twists[:, :2] @ turn[:2, :2].T, twists[:, 2]])
+            found.append(twists)
+        return found
 
 
 def pushes(
-    body: Body, cloud: Cloud, own: Solids, centre: np.ndarray, radius: float, hand: Hand, situation: Situation
+    body: Body,
+    cloud: Cloud,
+    own: Solids,
+    centre: np.ndarray,
+    radius: float,
+    hand: Hand,
+    situation: Situation,
+    rng: np.random.Generator,
 ) -> Candidates | None:
     """Pushes that carry the object to its next pose, sticking and without toppling it; None when it does not slide.
 
-    The line of contact is the part of the closed fingertips that lies against the face.
+    The line of contact is the part of the closed fingertips, or of a facet of the held body, that lies on the face.
     """
     if situation.T_world_next is None:
         return None
-    twists = slide_twists(situation.T_world_obj, situation.T_world_next, centre)
-    if twists is None:
+    slide = Slide(body, situation.T_world_obj)
+    twists = slide_twists(situation.T_world_obj, situation.T_world_next, slide.centre)
+    if twists is None or not slide.footprint:
         return None
-    level = rotation_matrix(situation.T_world_obj)  # object frame to level axes
-    shapes = convex_set(body.shapes)
-    footprint, lowest = feet(shapes, level)
-    if not footprint:
+    sideways = np.abs(cloud.normals @ slide.up) <= np.sin(UPRIGHT)
+    cloud = cloud[sideways & (cloud.points @ slide.up >= slide.lowest + MIN_HEIGHT)]
+    if not len(cloud):
         return None
-    up = level[2]
-    cloud = cloud[(np.abs(cloud.normals @ up) <= np.sin(UPRIGHT)) & (cloud.points @ up >= lowest + MIN_HEIGHT)]
-    count = len(LEANS) * len(ROLLS)
-    R, tangent = _oriented(len(cloud), cloud.normals, up)
+    sets = _held_poses(cloud, slide.up, hand, rng) if hand.held else [_finger_poses(cloud, slide.up, hand.tip)]
+    friction = hand.friction(body.friction)
+    found = []
+    for R, origin, feature, tip, upright in sets:
+        count = len(R) // len(cloud)
+        points, normals = (np.repeat(a, count, axis=0) for a in (cloud.points, cloud.normals))
+        ends, flat = slide.lines(points, normals, R, origin, feature, tip)
+        keep = stable_pushes(ends, flat, FRICTION_SHARE * friction, twists, slide.length)
+        keep &= _stays_upright(points @ slide.up - slide.lowest, flat, slide.footprint, slide.middle, friction)
+        score = (
+            scoring.W_CENTRAL * scoring.central(points, centre, radius)
+            + scoring.W_ABOVE * scoring.above(R, situation.T_world_obj)
+            + scoring.W_NEAR * scoring.near(points, situation, radius)
+            + scoring.W_MOTION * scoring.along(normals, situation)
+            + scoring.W_SEEN * np.repeat(cloud.seen, count)
+            + scoring.W_UPRIGHT * upright
+        )
+        approach = -np.einsum("nij,ni->nj", R, normals)
+        arrays = (R, origin, points, normals, np.zeros(len(points)), approach, score)
+        found.append([a[keep] for a in arrays])
+    return Candidates(ContactKind.PUSH, *(np.concatenate(a) for a in zip(*found, strict=True)))
+
+
+def _finger_poses(cloud: Cloud, up: np.ndarray, tip: np.ndarray):
+    R = _oriented(len(cloud), cloud.normals, up)
+    count = len(R) // len(cloud)
     points, normals = (np.repeat(a, count, axis=0) for a in (cloud.points, cloud.normals))
-    origin, feature = on_surface(R, points, normals, hand.tip)
-    ends = _contact_lines(points, normals, tangent, R, origin, feature, hand.tip, own)
-    flat = _leveled(normals, level)
-    flat /= np.linalg.norm(flat, axis=1)[:, None]
-    middle = (level @ centre)[:2]
-    arms = np.stack([_leveled(e, level) for e in ends], axis=1) - middle
-    length = characteristic_length(footprint, middle)
-    keep = stable_pushes(arms, flat, FRICTION_SHARE * body.friction, twists, length)
-    keep &= _stays_upright(points @ up - lowest, flat, footprint, middle, body.friction)
-    score = (
-        scoring.W_CENTRAL * scoring.central(points, centre, radius)
-        + scoring.W_ABOVE * scoring.above(R, situation.T_world_obj)
-        + scoring.W_NEAR * scoring.near(points, situation, radius)
-        + scoring.W_MOTION * scoring.along(normals, situation)
-        + scoring.W_SEEN * np.repeat(cloud.seen, count)
-    )
-    approach = -np.einsum("nij,ni->nj", R, normals)
-    chosen = (R, origin, points, normals, np.zeros(len(points)), approach, score)
-    return Candidates(ContactKind.PUSH, *(a[keep] for a in chosen))
+    origin, feature = on_surface(R, points, normals, tip)
+    return R, origin, feature, tip, np.zeros(len(R))
+
+
+def _held_poses(cloud: Cloud, up: np.ndarray, hand: Hand, rng: np.random.Generator):
+    """For each facet of what is held, the poses in which it lies against the points."""
+    own_up = rotation_matrix(hand.held.T_ee_body) @ hand.held.up
+    for facet in held_facets(hand.held):
+        R, origin, rolls = placed(facet, own_up, cloud.points, cloud.normals, up, rng)
+        feature = np.ones((len(R), len(facet.vertices)), bool)
+        yield R, origin, feature, facet.vertices, np.cos(rolls)
+
+
+def push_reach(body: Body, hand: Hand, contacts: Sequence[ContactPoint], poses: np.ndarray) -> np.ndarray:
+    """How far (K,) pushes carry the object along poses (M, 7) without slipping: index of a pose.
+
+    The line of contact is found anew from where the pusher is, so that contacts of any origin can be asked about.
+    """
+    last = np.full(len(contacts), len(poses) - 1)
+    own = np.array([k for k, c in enumerate(contacts) if c.kind == ContactKind.PUSH], int)
+    slide = Slide(body, poses[0])
+    if not len(own):
+        return last
+    if not slide.footprint:
+        last[own] = 0
+        return last
+    pushing = [contacts[k] for k in own]
+    at = np.array([c.T_obj_ee for c in pushing])
+    R = np.array([rotation_matrix(T) for T in at])
+    points, normals = np.array([c.point for c in pushing]), np.array([c.normal for c in pushing])
+    corners = np.array([apply(T, hand.tip) for T in at])
+    off = np.abs(np.einsum("nvi,ni->nv", corners - points[:, None], normals))
+    feature = off <= np.maximum(off.min(axis=1, keepdims=True), TOUCHING)  # of a round end the nearest vertex
+    ends, flat = slide.lines(points, normals, R, at[:, :3], feature, hand.tip)
+    generators = cone_generators(ends, flat, FRICTION_SHARE * hand.friction(body.friction))
+    holds, before = np.ones(len(own), bool), None
+    for k, twists in enumerate(slide.twists(poses)):
+        if twists is None:
+            holds[:] = False
+        else:
+            for twist in twists:
+                wrench = needed_wrench(twist, slide.length)
+                size = np.linalg.norm(wrench)
+                if size == 0.0:
+                    continue
+                wrench /= size
+                if before is None or np.abs(wrench - before).max() > SAME_TWIST:
+                    holds &= in_cone(generators, wrench)
+                    before = wrench
+        last[own[~holds & (last[own] > k)]] = k
+        if not holds.any():
+            break
+    return last
 
 
 def _leveled(vectors: np.ndarray, level: np.ndarray) -> np.ndarray:

@@ -75,7 +75,7 @@ def candidates(
         return []
     if mode == TaskMode.KINEMATIC:
         return [touches(cloud, centre, radius, hand, situation, rng)]
-    sets = [pushes(body, cloud, own, centre, radius, hand, situation)]
+    sets = [pushes(body, cloud, own, centre, radius, hand, situation, rng)]
     if hand.gripper is not None:
 
         def allowed(points):

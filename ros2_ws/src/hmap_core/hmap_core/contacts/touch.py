@@ -1,10 +1,11 @@
-"""Touches: a fingertip on the surface (the contact of the kinematic tasks)."""
+"""Touches: a fingertip, or a held body, on the surface (the contact of the kinematic tasks)."""
 
 import numpy as np
 
 from hmap_core.contacts import scoring
 from hmap_core.contacts.camera import Cloud
 from hmap_core.contacts.candidates import Candidates, Hand, Situation, frames, on_surface, tangents
+from hmap_core.contacts.facets import held_facets, placed
 from hmap_core.transforms import rotation_matrix
 from hmap_core.types import ContactKind
 
@@ -21,23 +22,43 @@ def touches(
     cloud: Cloud, centre: np.ndarray, radius: float, hand: Hand, situation: Situation, rng: np.random.Generator
 ) -> Candidates:
     """Touches at every point of the cloud, in PER_POINT orientations drawn from the tilts, azimuths and rolls."""
-    n = len(cloud) * PER_POINT
-    points, normals = (np.repeat(a, PER_POINT, axis=0) for a in (cloud.points, cloud.normals))
-    tilt = rng.choice(TILTS, n)
-    azimuth = 2.0 * np.pi * rng.integers(AZIMUTHS, size=n) / AZIMUTHS
-    roll = 2.0 * np.pi * rng.integers(ROLLS, size=n) / ROLLS
-    R = tilted_frames(normals, rotation_matrix(situation.T_world_obj)[2], tilt, azimuth, roll)
-    origin, _ = on_surface(R, points, normals, hand.tip)
+    poses = _held_poses if hand.held else _finger_poses
+    R, origin, index, straight = poses(cloud, rotation_matrix(situation.T_world_obj)[2], hand, rng)
+    points, normals = cloud.points[index], cloud.normals[index]
     score = (
         scoring.W_CENTRAL * scoring.central(points, centre, radius)
         + scoring.W_ABOVE * scoring.above(R, situation.T_world_obj)
         + scoring.W_NEAR * scoring.near(points, situation, radius)
         + scoring.W_MOTION * scoring.along(normals, situation)
-        + scoring.W_SEEN * np.repeat(cloud.seen, PER_POINT)
-        + scoring.W_STRAIGHT * np.cos(tilt)
+        + scoring.W_SEEN * cloud.seen[index]
+        + straight
     )
     approach = -np.einsum("nij,ni->nj", R, normals)
-    return Candidates(ContactKind.TOUCH, R, origin, points, normals, np.zeros(n), approach, score)
+    return Candidates(ContactKind.TOUCH, R, origin, points, normals, np.zeros(len(R)), approach, score)
+
+
+def _finger_poses(cloud: Cloud, up: np.ndarray, hand: Hand, rng: np.random.Generator):
+    """Poses R (N, 3, 3), origin (N, 3), the points they touch (N,), and how straight (N,) the finger stands on them."""
+    n = len(cloud) * PER_POINT
+    index = np.repeat(np.arange(len(cloud)), PER_POINT)
+    points, normals = cloud.points[index], cloud.normals[index]
+    tilt = rng.choice(TILTS, n)
+    azimuth = 2.0 * np.pi * rng.integers(AZIMUTHS, size=n) / AZIMUTHS
+    roll = 2.0 * np.pi * rng.integers(ROLLS, size=n) / ROLLS
+    R = tilted_frames(normals, up, tilt, azimuth, roll)
+    origin, _ = on_surface(R, points, normals, hand.tip)
+    return R, origin, index, scoring.W_STRAIGHT * np.cos(tilt)
+
+
+def _held_poses(cloud: Cloud, up: np.ndarray, hand: Hand, rng: np.random.Generator):
+    """The same with facets of what the hand holds, and how upright (N,) that is."""
+    own_up = rotation_matrix(hand.held.T_ee_body) @ hand.held.up
+    found = []
+    for facet in held_facets(hand.held):
+        R, origin, rolls = placed(facet, own_up, cloud.points, cloud.normals, up, rng)
+        index = np.repeat(np.arange(len(cloud)), len(R) // len(cloud))
+        found.append((R, origin, index, scoring.W_UPRIGHT * np.cos(rolls)))
+    return (np.concatenate(a) for a in zip(*found, strict=True))
 
 
 def tilted_frames(

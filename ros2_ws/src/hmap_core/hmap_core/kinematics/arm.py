@@ -1,22 +1,24 @@
 """An arm as compiled code wants it: joints that turn about (or slide along) their local z axis, and link hulls."""
 
-from dataclasses import dataclass
+from collections import OrderedDict
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hmap_core.collision.convex import bounding_sphere
+from hmap_core.collision.convex import bounding_sphere, hull_vertices
 from hmap_core.collision.edges import hull_edges
 from hmap_core.exceptions import Code, InputError
 from hmap_core.kinematics.simplify import simplify_hull
 from hmap_core.kinematics.tree import forward, forward_last
 from hmap_core.kinematics.urdf import MOVING, Urdf, load_urdf
-from hmap_core.transforms import from_matrix, to_matrix
-from hmap_core.types import RobotModel
+from hmap_core.transforms import apply, from_matrix, multiply, to_matrix
+from hmap_core.types import HeldBody, RobotModel
 
 LINK_TOLERANCE = 0.0012  # m a simplified link hull may stick out of the true one
 FINGER_TOLERANCE = 0.00005  # m, for the parts that touch objects
+ARMS_KEPT = 64  # arms with something in the hand that are remembered
 
 
 @dataclass(frozen=True)
@@ -229,14 +231,48 @@ def build_arm(model: RobotModel) -> Arm:
     )
 
 
+def holding(arm: Arm, held: HeldBody) -> Arm:
+    """The arm with its fingers closed on a body, which touches in their place.
+
+    The body's shapes are its finger hulls; the fingers are links of the hand like any other.
+    """
+    n, opening = arm.n, held.opening
+    hulls = [
+        replace(h, vertices=h.at(opening), slide=np.zeros(3), sphere=h.sphere_at(opening), finger=False)
+        for h in arm.hulls
+    ]
+    T = multiply(from_matrix(arm.T_tip_ee), held.T_ee_body)
+    own = []
+    for shape in held.shapes:
+        points, radius = hull_vertices(shape)
+        vertices = np.ascontiguousarray(apply(T, points))
+        center, bound = bounding_sphere(vertices)
+        sphere = (center, bound + radius)
+        own.append(LinkHull(held.name, n, vertices, radius, np.zeros(3), True, sphere, hull_edges(vertices)))
+    links = [i for i, hull in enumerate(hulls) if hull.frame < n]
+    pairs = [(i, len(hulls) + k) for i in links for k in range(len(own))]
+    self_pairs = np.concatenate([arm.self_pairs, np.array(pairs, np.int64).reshape(-1, 2)])
+    return replace(arm, hulls=(*hulls, *own), self_pairs=self_pairs)
+
+
 _ARMS: dict[tuple, Arm] = {}
+_HOLDING: OrderedDict[tuple, Arm] = OrderedDict()  # the last ARMS_KEPT of the arms that hold something
 
 
 def load_arm(model: RobotModel) -> Arm:
-    """The arm of a model; built once per (name, URDF file, joints, ignored pairs)."""
-    gripper = model.gripper
+    """The arm of a model, built once per (name, URDF file, joints, ignored pairs), with what it holds."""
+    gripper, held = model.gripper, model.held
     key = (model.name, model.urdf, model.joint_names, model.ignored_collisions, model.end_effector_link)
     key += (model.T_link_ee.tobytes(), gripper and (gripper.joint_names, gripper.per_joint, gripper.finger_links))
     if key not in _ARMS:
         _ARMS[key] = build_arm(model)
-    return _ARMS[key]
+    if held is None:
+        return _ARMS[key]
+    bare = _ARMS[key]
+    key += (held.name, held.T_ee_body.tobytes(), held.opening)
+    key += tuple((s.kind, s.size, s.pose.tobytes(), s.mesh) for s in held.shapes)
+    if key not in _HOLDING:
+        _HOLDING[key] = holding(bare, held)
+        if len(_HOLDING) > ARMS_KEPT:
+            _HOLDING.popitem(last=False)
+    return _HOLDING[key]

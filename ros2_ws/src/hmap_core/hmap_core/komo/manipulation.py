@@ -52,6 +52,8 @@ def retreat_distance(contact: ContactPoint) -> float:
 def free_opening(robot: Robot, contact: ContactPoint) -> float:
     """Gripper opening while coming and going, m."""
     gripper = robot.model.gripper
+    if robot.model.held is not None:
+        return robot.model.held.opening
     if gripper is None or contact.kind != ContactKind.GRASP:
         return contact.opening
     return min(gripper.open_opening, contact.opening + 2 * OPENING_CLEARANCE)
@@ -69,13 +71,13 @@ class Manipulation:
     Attributes:
         scene, state: where everything is before the segment.
         robot: name of the robot that moves; the others stand still.
-        object: name of the object that it handles.
+        object: name of the object that it handles; None: it only moves.
     """
 
     scene: Scene
     state: SceneState
     robot: str
-    object: str
+    object: str | None
     arm: Arm = field(init=False)
     model: KinematicModel = field(init=False)
 
@@ -101,11 +103,13 @@ class Manipulation:
         """The same without the object."""
         return self._around(free_opening(self.scene.robots[self.robot], contact), contact.opening).model
 
-    def standing_collisions(self, T_obj: np.ndarray) -> CollisionModel:
+    def standing_collisions(self, T_obj: np.ndarray | None = None) -> CollisionModel:
         """What keeps apart while the robot moves in the air with its gripper as it is, the object standing at T_obj."""
         opening = self.state.gripper[self.robot]
         around = self._around(opening, opening)
         model = GrownModel(around.model)
+        if self.object is None:
+            return model
         arm, fingers = around.arms[self.robot], around.fingers[self.robot]
         moving = arm.upper + arm.hand + (fingers[0].shapes if fingers else ())
         standing = model.add_set(self.object, transformed(self._own, T_obj), 0)
@@ -119,7 +123,8 @@ class Manipulation:
     def _around(self, opening: float, contact_opening: float) -> Surroundings:
         """The arm among what stands around; its fingers once as open as they come, once as they hold."""
         openings = (opening, FREE), (contact_opening, bit(Phase.HOLD))
-        return self._workspace.surroundings(frozenset([self.object]), ((self.robot, openings),))
+        handled = frozenset() if self.object is None else frozenset([self.object])
+        return self._workspace.surroundings(handled, ((self.robot, openings),))
 
     def _add_standing(self, model: CollisionModel, around: Surroundings, contact: ContactPoint, T_start, T_end) -> None:
         """The object where it is taken and where it is left."""

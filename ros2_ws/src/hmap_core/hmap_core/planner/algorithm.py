@@ -2,17 +2,18 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from hmap_core.contacts.camera import Cloud
-from hmap_core.exceptions import Code, ContactError, InputError, MotionError, PlannerError
+from hmap_core.exceptions import Code, ContactError, HmapError, InputError, MotionError, PlannerError
 from hmap_core.plan_file import to_dict
 from hmap_core.planner.assembly import assemble, scene_at, state_after
-from hmap_core.planner.interfaces import Backend, Progress, ProgressCallback, RobotContact, SegmentMotion
+from hmap_core.planner.interfaces import Backend, Grip, Progress, ProgressCallback, RobotContact, SegmentMotion
 from hmap_core.planner.local import LocalBackend
 from hmap_core.planner.motion import standing_collision
+from hmap_core.planner.tools import holding, tools_of
 from hmap_core.types import BodyKind, Goal, Plan, Scene, SceneState, SegmentKind
 from hmap_core.validation import check
 from hmap_core.waypoints import ObjectPath
@@ -20,9 +21,31 @@ from hmap_core.waypoints import ObjectPath
 J_MAX = 40  # contacts tried at one waypoint before new waypoints are asked for (the paper's j_max)
 WAYPOINT_ROUNDS = 6  # object paths tried
 WAYPOINT_TIME = 10.0  # s for one of them
+TOOLS_TRIED = 6  # holds on tools that are tried at one waypoint
 GOAL_POSES = 4  # last poses of the object's path at which the goal has to be within reach
 DEFAULT_TIME_LIMIT = 60.0  # s
 _MAX_SEED = 2**31 - 1
+
+
+@dataclass(frozen=True)
+class _Progressed:
+    """How far a plan has come: the state, the motions up to it, and the tool in a hand."""
+
+    state: SceneState
+    motions: list[SegmentMotion] = field(default_factory=list)
+    grip: Grip | None = None
+
+    def after(self, motion: SegmentMotion, *grip: Grip | None) -> "_Progressed":
+        """With one motion more, and another grip where one is given."""
+        held = grip[0] if grip else self.grip
+        return _Progressed(state_after(self.state, motion), [*self.motions, motion], held)
+
+
+def _put_back(state: SceneState, grip: Grip) -> SceneState:
+    """The state in which a tool stands again where it was taken."""
+    back = state.copy()
+    back.poses[grip.tool] = grip.T_place
+    return back
 
 
 class Planner:
@@ -93,52 +116,106 @@ class Planner:
 
     def _segments(self, goal: Goal, poses: np.ndarray) -> tuple[list[SegmentMotion], np.ndarray] | None:
         """The main loop: contacts and motions until the object is at its goal; None when a waypoint cannot be left."""
-        state, motions, waypoints = self.start.copy(), [], []
+        done, waypoints = _Progressed(self.start.copy()), []
         at = 0
         while at < len(poses) - 1:
-            ahead = np.concatenate([state.poses[goal.object][None], poses[at + 1 :]])
-            step = self._step(goal.object, state, ahead, at, len(poses) - 1)
+            ahead = np.concatenate([done.state.poses[goal.object][None], poses[at + 1 :]])
+            step = self._step(goal.object, done, ahead, at, len(poses) - 1)
             if step is None:
                 return None
-            motion, reach = step
-            motions.append(motion)
-            state = state_after(state, motion)
+            done, reach = step
             at += reach
             waypoints.append(poses[at])
-        return motions, np.array(waypoints).reshape(-1, 7)
+        done = self._put_down(done)
+        return None if done is None else (done.motions, np.array(waypoints).reshape(-1, 7))
 
-    def _step(self, object: str, state: SceneState, ahead: np.ndarray, at: int, total: int):
-        """The inner loop: contacts at one waypoint until one gives a motion. Returns (motion, reach) or None."""
+    def _step(self, object: str, done: "_Progressed", ahead: np.ndarray, at: int, total: int):
+        """The inner loop: contacts at one waypoint until one gives a motion.
+
+        By hand, else with the tool in the hand, else with another one. Returns (done, reach), or None.
+        """
+        free = done.state if done.grip is None else _put_back(done.state, done.grip)
+        found = self._by_contacts(object, done, self.scene, free, tuple(self.scene.robots), ahead, at, total)
+        if found is None and done.grip is not None:
+            scene = holding(self.scene, done.grip)
+            found = self._by_contacts(object, done, scene, done.state, (done.grip.robot,), ahead, at, total)
+        return found or self._by_tool(object, done, ahead, at, total)
+
+    def _by_contacts(self, object: str, done, scene: Scene, state: SceneState, robots, ahead, at: int, total: int):
+        """Contacts in a scene, in which a robot may hold a tool, until one gives a motion."""
         tries = 0
         while tries < J_MAX:
             self._report("contacts", at, total, tries + 1, f"contacts on '{object}'")
             try:
                 contacts = self.backend.propose_contacts(
-                    self.scene, state, object, ahead, tuple(self.scene.robots), self.clouds.get(object), J_MAX - tries,
-                    self._seed(), self._time_left(),
+                    scene, state, object, ahead, robots, self.clouds.get(object), J_MAX - tries, self._seed(),
+                    self._time_left(),
                 )  # fmt: skip
             except ContactError as error:
-                self.last_failure, self.last_code = str(error), error.code
+                self._failed(error)
                 return None
             self.counts["contact_proposals"] += 1
+            ready = done if scene is not self.scene else self._put_down(done)
+            if ready is None:
+                return None
             for contact in contacts:
                 tries += 1
                 self.counts["contact_tries"] += 1
                 self._report(
                     "motion", at, total, tries, f"{contact.robot} carries '{object}' by {contact.contact.kind}"
                 )
-                motion = self._motion(state, object, contact, ahead[: contact.reach + 1])
+                motion = self._motion(scene, ready.state, object, contact, ahead[: contact.reach + 1])
                 if motion is not None:
-                    return motion, contact.reach
+                    return ready.after(motion), contact.reach
         return None
 
-    def _motion(self, state, object: str, contact: RobotContact, poses: np.ndarray) -> SegmentMotion | None:
+    def _by_tool(self, object: str, done: "_Progressed", ahead: np.ndarray, at: int, total: int):
+        """A tool that one robot takes, and with which it moves the object. Returns (done, reach), or None."""
+        if not tools_of(self.scene, object):
+            return None
+        done = self._put_down(done)
+        if done is None:
+            return None
+        self._report("contacts", at, total, text=f"tools for '{object}'")
+        grips = self.backend.grips(self.scene, done.state, object, ahead, self._seed(), self._time_left())
+        for grip, _ in grips[:TOOLS_TRIED]:
+            scene = holding(self.scene, grip)
+            self._report("contacts", at, total, text=f"contacts on '{object}' for {grip.robot} with '{grip.tool}'")
+            try:
+                self.backend.propose_contacts(
+                    scene, done.state, object, ahead, (grip.robot,), self.clouds.get(object), 1, self._seed(),
+                    self._time_left(),
+                )  # fmt: skip
+                taken = self.backend.take(self.scene, done.state, grip, self._seed(), self._time_left())
+            except (ContactError, MotionError) as error:
+                self._failed(error)
+                continue
+            ready = done.after(taken, grip)
+            found = self._by_contacts(object, ready, scene, ready.state, (grip.robot,), ahead, at, total)
+            if found is not None:
+                return found
+        return None
+
+    def _put_down(self, done: "_Progressed") -> "_Progressed | None":
+        """With nothing in the hand; None where the tool cannot be put back."""
+        if done.grip is None:
+            return done
+        self._report("motion", text=f"{done.grip.robot} puts '{done.grip.tool}' down")
         try:
-            return self.backend.solve_segment(
-                self.scene, state, object, contact, poses, self._seed(), self._time_left()
-            )
+            motion = self.backend.put_down(self.scene, done.state, done.grip, self._seed(), self._time_left())
         except MotionError as error:
-            self.last_failure, self.last_code = str(error), error.code
+            self._failed(error)
+            return None
+        return done.after(motion, None)
+
+    def _failed(self, error: HmapError) -> None:
+        self.last_failure, self.last_code = str(error), error.code
+
+    def _motion(self, scene, state, object: str, contact: RobotContact, poses: np.ndarray) -> SegmentMotion | None:
+        try:
+            return self.backend.solve_segment(scene, state, object, contact, poses, self._seed(), self._time_left())
+        except MotionError as error:
+            self._failed(error)
             return None
 
     def _finished(self, motions: list[SegmentMotion], waypoints: np.ndarray) -> Plan | None:

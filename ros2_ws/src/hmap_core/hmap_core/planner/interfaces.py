@@ -29,6 +29,25 @@ class RobotContact:
 
 
 @dataclass(frozen=True)
+class Grip:
+    """A hold on a tool that stands.
+
+    Attributes:
+        tool: its name.
+        contact: of the robot on the tool; keyframes[0] is the posture in which it is taken, and put back.
+        T_place: (7,) where it stands.
+    """
+
+    tool: str
+    contact: RobotContact
+    T_place: np.ndarray
+
+    @property
+    def robot(self) -> str:
+        return self.contact.robot
+
+
+@dataclass(frozen=True)
 class SegmentMotion:
     """One iteration of the inner loop: come, touch, carry, let go, retreat.
 
@@ -93,4 +112,18 @@ class Backend(Protocol):
         time_limit: float,
     ) -> SegmentMotion:  # fmt: skip
         """KOMO from the present state to the last of object_poses (K, 7) in this contact. Raises MotionError."""
+        ...
+
+    def grips(
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, seed: int, time_limit: float
+    ) -> list[tuple[Grip, int]]:
+        """Holds on tools with which the object may be moved along object_poses (M, 7), and how far at best."""
+        ...
+
+    def take(self, scene: Scene, state: SceneState, grip: Grip, seed: int, time_limit: float) -> SegmentMotion:
+        """The motion in which a robot takes a tool and keeps it. Raises MotionError."""
+        ...
+
+    def put_down(self, scene: Scene, state: SceneState, grip: Grip, seed: int, time_limit: float) -> SegmentMotion:
+        """The motion in which it puts the tool back where it took it. Raises MotionError."""
         ...

@@ -8,16 +8,18 @@ from itertools import chain
 import numpy as np
 
 from hmap_core.contacts.camera import Cloud, visible_points
-from hmap_core.contacts.candidates import Hand, Situation
-from hmap_core.contacts.feasibility import feasible_contacts
+from hmap_core.contacts.candidates import Situation
+from hmap_core.contacts.feasibility import feasible_contacts, reach_bounds, reachable
+from hmap_core.contacts.hand import hand_of
 from hmap_core.contacts.proposer import NoProposer, Proposer
 from hmap_core.contacts.sampler import sample_contacts
 from hmap_core.exceptions import Code, ContactError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.planner import motion
-from hmap_core.planner.interfaces import RobotContact, SegmentMotion
-from hmap_core.types import Body, ContactPoint, Goal, Robot, Scene, SceneState
+from hmap_core.planner.interfaces import Grip, RobotContact, SegmentMotion
+from hmap_core.planner.tools import holding, spread, tools_of
+from hmap_core.types import Body, ContactPoint, Goal, Scene, SceneState
 from hmap_core.waypoints import ObjectPath, ObjectPathProblem, plan_waypoints, standing
 
 SURFACE_POINTS = 600  # samples of the object's surface when looking at it
@@ -26,6 +28,8 @@ MAX_CANDIDATES = 480  # per robot, before it is out of contacts
 ENOUGH = 4  # feasible contacts per robot after which only better ones are looked for
 STRETCH_WEIGHT = 0.7  # share of a contact's worth that is lost when the arm is stretched out
 SCORE_WEIGHT = 0.1  # poses of the path that one point of a contact's score is worth
+HOLDS_TRIED = 24  # holds on a tool for which an arm is asked
+HOLDS = 12  # of them that are kept, per robot
 MIN_REACH = 2  # poses a contact has to serve, unless the path is shorter
 
 
@@ -104,11 +108,7 @@ class LocalBackend:
         """
         if not contacts:
             return []
-        away = tuple(n for n in scene.robots if n != robot and not np.allclose(state.q[n], scene.robots[n].model.home))
-        cleared = state.copy()
-        for name in away:
-            cleared.q[name] = scene.robots[name].model.home.copy()
-        manipulation = Manipulation(scene, cleared, robot, object)
+        manipulation, away = self._cleared(scene, state, object, robot)
         release = standing(scene.bodies[object], object_poses, placed_bodies(scene, state, object))
         least = min(MIN_REACH, len(object_poses) - 1)
         return [
@@ -129,6 +129,69 @@ class LocalBackend:
         """KOMO over the phases of one segment."""
         rng = np.random.default_rng(seed)
         return motion.solve_segment(scene, state, object, contact, object_poses, rng, time_limit)
+
+    def grips(
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, seed: int, time_limit: float
+    ) -> list[tuple[Grip, int]]:
+        """Holds on tools with which the object may be moved along object_poses (M, 7), the farthest-reaching first.
+
+        Each comes with the pose up to which hand, tool and object could go at best; the arm was asked only whether it
+        can take the tool.
+        """
+        deadline = time.monotonic() + time_limit
+        rng = np.random.default_rng(seed)
+        least = min(MIN_REACH, len(object_poses) - 1)
+        found: list[tuple[Grip, int]] = []
+        for tool in tools_of(scene, object):
+            for robot in scene.robots:
+                for contact in self._holds(scene, state, tool, robot, rng):
+                    grip = Grip(tool, contact, state.poses[tool])
+                    bound = self._bound(holding(scene, grip), state, object, object_poses, robot, rng)
+                    if bound >= least:
+                        found.append((grip, bound))
+                    if time.monotonic() > deadline:
+                        break
+        return sorted(found, key=lambda entry: -entry[1])
+
+    def _holds(self, scene: Scene, state: SceneState, tool: str, robot: str, rng) -> list[RobotContact]:
+        """Ways in which a robot can take a tool where it stands, spread over it."""
+        T_tool = state.poses[tool]
+        manipulation, away = self._cleared(scene, state, tool, robot)
+        contacts = next(self._sampled(scene, state, tool, T_tool[None], robot, None, rng), [])
+        if not contacts:
+            return []
+        contacts = [contacts[k] for k in np.flatnonzero(reach_bounds(manipulation, contacts, T_tool[None]) >= 0)]
+        contacts = [contacts[k] for k in spread(contacts, HOLDS_TRIED)]
+        if not contacts:
+            return []
+        ok, q = reachable(manipulation, contacts, T_tool, rng)
+        return [RobotContact(robot, contacts[k], 0, q[k][None], away) for k in np.flatnonzero(ok)][:HOLDS]
+
+    def _bound(self, scene: Scene, state: SceneState, object: str, object_poses, robot: str, rng) -> int:
+        """The farthest pose to which hand and object alone could go; -1: they cannot meet."""
+        contacts = next(self._sampled(scene, state, object, object_poses, robot, None, rng), [])
+        if not contacts:
+            return -1
+        manipulation, _ = self._cleared(scene, state, object, robot)
+        return int(reach_bounds(manipulation, contacts, object_poses).max())
+
+    def _cleared(self, scene: Scene, state: SceneState, object: str, robot: str) -> tuple[Manipulation, tuple]:
+        """A robot about to handle an object with the others at home, and those that have to go there first."""
+        away = tuple(n for n in scene.robots if n != robot and not np.allclose(state.q[n], scene.robots[n].model.home))
+        cleared = state.copy()
+        for name in away:
+            cleared.q[name] = scene.robots[name].model.home.copy()
+        return Manipulation(scene, cleared, robot, object), away
+
+    def take(self, scene: Scene, state: SceneState, grip: Grip, seed: int, time_limit: float) -> SegmentMotion:
+        """The motion in which a robot takes a tool. Raises MotionError."""
+        rng = np.random.default_rng(seed)
+        return motion.take(scene, state, grip.contact, grip.tool, rng, time_limit)
+
+    def put_down(self, scene: Scene, state: SceneState, grip: Grip, seed: int, time_limit: float) -> SegmentMotion:
+        """The motion in which a robot puts a tool back where it took it. Raises MotionError."""
+        rng = np.random.default_rng(seed)
+        return motion.put_down(scene, state, grip.contact, grip.tool, grip.T_place, rng, time_limit)
 
     def _sampled(self, scene: Scene, state: SceneState, object: str, object_poses, robot: str, cloud, rng):
         """Batches of candidates from what the cameras see of the object, then from the rest of its surface."""
@@ -157,10 +220,3 @@ def worth(scene: Scene, contact: RobotContact) -> float:
     tips = arm.end_effectors(contact.keyframes[[0, -1]])[:, :3] - arm.p_joint[0]
     stretch = np.linalg.norm(tips, axis=1).max() / arm.reach()[0]
     return (contact.reach + SCORE_WEIGHT * contact.contact.score) * (1.0 - STRETCH_WEIGHT * stretch**2)
-
-
-def hand_of(robot: Robot) -> Hand:
-    """What the contact sampler has to know of a robot's hand; an arm without fingers touches with its last link."""
-    arm = load_arm(robot.model)
-    tip = arm.finger_vertices(0.0)
-    return Hand(tip if len(tip) else arm.tip_vertices(), robot.model.gripper)

@@ -7,16 +7,18 @@ so what was verified for the object stays true for the object in the hand.
 """
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from hmap_core.collision.scene_model import CollisionModel, Collisions
-from hmap_core.contacts.feasibility import APPROACH_STEPS, draw_back, ik_problem
+from hmap_core.contacts.feasibility import APPROACH_STEPS, MAX_JUMP, draw_back, ik_problem
 from hmap_core.exceptions import Code, MotionError
 from hmap_core.execution.timing import spline, time_parameterise
+from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.allowances import relaxed, verification
-from hmap_core.komo.features import joint_position, relative_pose
+from hmap_core.komo.features import joint_position, pose_params_all, relative_pose
+from hmap_core.komo.ik import follow_ik
 from hmap_core.komo.manipulation import CARRIED, Manipulation, Phase, bit, free_opening, retreated
 from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.options import SolverOptions
@@ -24,14 +26,23 @@ from hmap_core.komo.solver import path_violations
 from hmap_core.komo.transcription import KomoProblem
 from hmap_core.planner.interfaces import RobotContact, SegmentMotion
 from hmap_core.planner.transit import find_transit, resampled
-from hmap_core.transforms import IDENTITY, consistent, distance, inverse, multiply, multiply_all
-from hmap_core.types import Scene, SceneState, Segment, SegmentKind, Trajectory
+from hmap_core.transforms import IDENTITY, consistent, distance, inverse, multiply, multiply_all, pose, rotation_matrix
+from hmap_core.types import (
+    ContactPoint,
+    HeldBody,
+    Scene,
+    SceneState,
+    Segment,
+    SegmentKind,
+    TaskMode,
+    Trajectory,
+)
 
 SAMPLE_PERIOD = 0.02  # s between two samples of a plan
 JOINT_STEP = 0.2  # rad between two steps of a transit, about
 TRANSIT_STEPS = (8, 24)  # least and most
 LIMIT_SAMPLES = 10  # per step of a path, at which the joint limits are verified
-HOME_STEPS = 100  # points of a searched way home
+SEARCHED_STEPS = 100  # points of a searched way
 HOLD_STEP = (0.04, 0.15)  # m, rad between two steps of a hold, about
 HOLD_FINENESS = (1.0, 0.3)  # shares of that step that are tried
 VERIFY_STEP = 0.001  # m any point may move between two verified configurations
@@ -44,18 +55,26 @@ FREE_SPEED, FREE_ACCELERATION = 0.6, 0.3
 HOLD_SPEED, HOLD_ACCELERATION = 0.2, 0.05
 STANDING_DEPTH = 0.001  # m that a robot may stand inside of something when a plan begins
 GRIPPER_SPEED = 0.1  # m/s of the opening
+LIFTS = (0.06, 0.03, 0.015)  # m that what was taken is lifted by, where there is room
+LIFT_STEP = 0.01  # m between two postures of that
 SETTLE = 0.3  # s that the fingers get to settle after they have closed or opened
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Piece:
-    """A sampled stretch: q (N, n), opening (N,), and the object's poses (N, 7) where it moves."""
+    """A sampled stretch in one mode: q (N, n), opening (N,), and poses (N, 7) of the bodies that move along.
+
+    Of a contact: the object, the manipulator and its pose (7,) in the object's frame.
+    """
 
     robot: str
-    kind: SegmentKind
     q: np.ndarray
     opening: np.ndarray
-    object_poses: np.ndarray | None = None
+    kind: SegmentKind = SegmentKind.TRANSIT
+    object: str | None = None
+    manipulator: str | None = None
+    contact_pose: np.ndarray | None = None
+    moved: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 def solve_segment(
@@ -69,17 +88,129 @@ def solve_segment(
 ) -> SegmentMotion:
     """Plans the motion in which ``contact`` carries the object along object_poses (K, 7), from the present state.
 
+    A robot that holds a body touches the object with that, and holds it still at the end.
+
     Raises:
         MotionError: NO_MOTION, with the constraint that stays violated and where.
     """
     deadline = time.monotonic() + time_limit
+    pieces, cleared = _make_room(scene, state, contact, object, rng, deadline)
+    pieces += _carry(scene, cleared, object, contact, object_poses, rng, deadline)
+    return _assembled(scene, state, pieces)
+
+
+def take(
+    scene: Scene, state: SceneState, contact: RobotContact, body: str, rng: np.random.Generator, time_limit: float
+) -> SegmentMotion:
+    """The motion in which a robot takes a body where it stands, and lifts it where there is room.
+
+    Raises:
+        MotionError: NO_MOTION.
+    """
+    deadline = time.monotonic() + time_limit
+    pieces, cleared = _make_room(scene, state, contact, body, rng, deadline)
+    pieces.append(_Segment(scene, cleared, body, contact, state.poses[body][None]).come(rng, deadline))
+    there, opening = pieces[-1].q[-1], pieces[-1].opening[-1]
+    cleared.q[contact.robot], cleared.gripper[contact.robot] = there, opening
+    holding = scene_holding(scene, contact.robot, body, contact.contact, state.poses[body])
+    pieces += _in_hand(holding, _lift_piece(holding, cleared, contact.robot, there))
+    return _assembled(scene, state, pieces)
+
+
+def put_down(
+    scene: Scene,
+    state: SceneState,
+    contact: RobotContact,
+    body: str,
+    T_place: np.ndarray,
+    rng: np.random.Generator,
+    time_limit: float,
+) -> SegmentMotion:
+    """The motion in which a robot puts the body in its hand down at T_place (7,), where its posture is keyframes[0].
+
+    Raises:
+        MotionError: NO_MOTION.
+    """
+    deadline = time.monotonic() + time_limit
+    robot, place = contact.robot, contact.keyframes[0]
+    holding = scene_holding(scene, robot, body, contact.contact, T_place)
+    there = state.copy()
+    there.q[robot], there.poses[body] = place, T_place
+    lifted = _lifted(holding, there, robot, place)
+    transit = _move(holding, state, robot, None, lifted[-1], rng, deadline)
+    lowering = _lift_piece(holding, there, robot, place, lifted)
+    lowering = replace(lowering, q=lowering.q[::-1])
+    pieces = [piece for own in (transit, lowering) for piece in _in_hand(holding, own)]
+    pieces.append(_Segment(scene, there, body, contact, T_place[None]).leave())
+    return _assembled(scene, state, pieces)
+
+
+def scene_holding(scene: Scene, robot: str, body: str, contact: ContactPoint, T_standing: np.ndarray) -> Scene:
+    """The scene in which a body that stood at T_standing (7,) is part of a robot's hand."""
+    own, placed = scene.bodies[body], scene.robots[robot]
+    up = rotation_matrix(T_standing)[2]
+    held = HeldBody(body, own.shapes, inverse(contact.T_obj_ee), contact.opening, own.friction, up)
+    robots = scene.robots | {robot: replace(placed, model=replace(placed.model, held=held))}
+    bodies = {name: other for name, other in scene.bodies.items() if name != body}
+    removable = {name: T for name, T in scene.removable.items() if name != body}
+    return replace(scene, robots=robots, bodies=bodies, removable=removable)
+
+
+def _make_room(scene, state, contact: RobotContact, object: str, rng, deadline) -> tuple[list[_Piece], SceneState]:
+    """The pieces in which other robots go home, and the state after them."""
     pieces: list[_Piece] = []
     cleared = state.copy()
     for other in contact.clear:
-        pieces.append(_go_home(scene, cleared, other, object, rng, deadline))
+        home = scene.robots[other].model.home
+        pieces += _in_hand(scene, _move(scene, cleared, other, object, home, rng, deadline))
         cleared.q[other] = pieces[-1].q[-1]
-    pieces += _carry(scene, cleared, object, contact, object_poses, rng, deadline)
-    return _assembled(scene, state, object, contact, pieces)
+    return pieces, cleared
+
+
+def _lifted(scene: Scene, state: SceneState, robot: str, q: np.ndarray) -> np.ndarray:
+    """Postures (m, n) straight up from q, what the hand holds standing there, as far as there is room; q first."""
+    manipulation = Manipulation(scene, state, robot, None)
+    chain = manipulation.model.chain
+    cols = verification(relaxed(chain, manipulation.standing_collisions().arrays(), q, 1))
+    T = multiply(scene.robots[robot].base_pose, manipulation.arm.end_effector(q))
+    free = ik_problem(manipulation, CollisionModel(), Phase.TRANSIT)
+    for height in LIFTS:
+        steps = int(np.ceil(height / LIFT_STEP))
+        ups = [pose((0.0, 0.0, height * k / steps)) for k in range(1, steps + 1)]
+        targets = pose_params_all(manipulation.T_tip_ee, np.array([multiply(up, T) for up in ups]))
+        path = follow_ik(free, targets, q, MAX_JUMP)
+        if len(path) == steps:
+            path = np.concatenate([q[None], path])
+            if _violation(manipulation, cols, path, 1)[1] < 0:
+                return path
+    return q[None]
+
+
+def _lift_piece(scene: Scene, state: SceneState, robot: str, q: np.ndarray, path: np.ndarray | None = None) -> _Piece:
+    """That way as a piece; it has one sample where there is no room to lift."""
+    path = _lifted(scene, state, robot, q) if path is None else path
+    timed = _timed(scene, robot, path, HOLD_SPEED, HOLD_ACCELERATION) if len(path) > 1 else path
+    return _Piece(robot, timed, np.full(len(timed), state.gripper[robot]))
+
+
+def _in_hand(scene: Scene, piece: _Piece) -> list[_Piece]:
+    """A piece of a robot, with what it holds going along: a transit holds that, a contact touches with it."""
+    held = scene.robots[piece.robot].model.held
+    if held is None:
+        return [piece]
+    T_ee_held = held.T_ee_body
+    moved = piece.moved | {held.name: consistent(multiply_all(_end_effectors(scene, piece.robot, piece.q), T_ee_held))}
+    if piece.kind == SegmentKind.TRANSIT:
+        kind = SegmentKind.TOUCH if scene.mode == TaskMode.KINEMATIC else SegmentKind.GRASP
+        return [replace(piece, kind=kind, object=held.name, contact_pose=inverse(T_ee_held), moved=moved)]
+    contact_pose = multiply(piece.contact_pose, T_ee_held)
+    return [replace(piece, manipulator=held.name, contact_pose=contact_pose, moved=moved)]
+
+
+def _end_effectors(scene: Scene, robot: str, q: np.ndarray) -> np.ndarray:
+    """World poses (N, 7) of a robot's end-effector at q (N, n)."""
+    placed = scene.robots[robot]
+    return multiply_all(placed.base_pose, load_arm(placed.model).end_effectors(q))
 
 
 def _carry(scene, state, object: str, contact: RobotContact, object_poses: np.ndarray, rng, deadline) -> list[_Piece]:
@@ -110,31 +241,29 @@ def standing_collision(
     return None if pair[0] < 0 else (collisions.pair_name(int(pair[0])), float(excess[0]) + STANDING_DEPTH)
 
 
-def _go_home(scene: Scene, state: SceneState, robot: str, object: str, rng, deadline: float) -> _Piece:
-    """A transit of another robot to its home posture."""
+def _move(scene: Scene, state: SceneState, robot: str, object: str | None, q: np.ndarray, rng, deadline) -> _Piece:
+    """A transit of a robot to the posture q (n,), with its hand as it is, past an object that stands."""
     manipulation = Manipulation(scene, state, robot, object)
-    collisions = manipulation.standing_collisions(state.poses[object])
-    home = scene.robots[robot].model.home
-    steps = _transit_steps(state.q[robot], home)
-    problem = KomoProblem(manipulation.model.chain, (steps,), collisions, _options(steps))
-    problem.add(Objective(joint_position(home), ObjectiveType.EQ, [steps - 1]))
+    collisions = manipulation.standing_collisions(None if object is None else state.poses[object])
     start = state.q[robot]
-    initial = start + np.linspace(0.0, 1.0, steps + 1)[1:, None] * (home - start)
+    steps = _transit_steps(start, q)
+    problem = KomoProblem(manipulation.model.chain, (steps,), collisions, _options(steps))
+    problem.add(Objective(joint_position(q), ObjectiveType.EQ, [steps - 1]))
+    initial = start + np.linspace(0.0, 1.0, steps + 1)[1:, None] * (q - start)
     result = problem.solve(start, initial)
     cols = relaxed(manipulation.model.chain, problem.arrays(), start, 1)
     path = np.concatenate([start[None], result.path]) if result.feasible else None
     if path is None or _violation(manipulation, verification(cols), path, 1)[1] >= 0:
-        corners = find_transit(manipulation.model.chain, cols, 1, start, home, rng, deadline)
+        corners = find_transit(manipulation.model.chain, cols, 1, start, q, rng, deadline)
         if corners is None:
-            raise MotionError(f"robot '{robot}' finds no way home to make room: {result.worst}")
-        path = np.concatenate([start[None], resampled(corners, HOME_STEPS)])
+            raise MotionError(f"robot '{robot}' finds no way to move on: {result.worst}")
+        path = np.concatenate([start[None], resampled(corners, SEARCHED_STEPS)])
         too_close, pair = _violation(manipulation, verification(cols), path, 1)
         if pair >= 0:
             near = " and ".join(collisions.pair_name(pair))
-            raise MotionError(f"robot '{robot}' on its way home: {near} are {too_close * 1e3:.1f} mm too close")
+            raise MotionError(f"robot '{robot}' on its way: {near} are {too_close * 1e3:.1f} mm too close")
     timed = _timed(scene, robot, path, FREE_SPEED, FREE_ACCELERATION)
-    opening = np.full(len(timed), state.gripper[robot])
-    return _Piece(robot, SegmentKind.TRANSIT, timed, opening)
+    return _Piece(robot, timed, np.full(len(timed), state.gripper[robot]))
 
 
 def _options(steps: int) -> SolverOptions:
@@ -178,7 +307,7 @@ def _violation(
 class _Segment:
     """The KOMO problem of one segment of one robot."""
 
-    def __init__(self, scene: Scene, state: SceneState, object: str, contact: RobotContact, object_poses, fineness):
+    def __init__(self, scene: Scene, state: SceneState, object: str, contact: RobotContact, object_poses, fineness=1.0):
         self.scene, self.state, self.object = scene, state, object
         self.robot, self.contact = contact.robot, contact.contact
         self.manipulation = Manipulation(scene, state, contact.robot, object)
@@ -191,6 +320,12 @@ class _Segment:
         before = self._drawn_back(self.T_start, self.keyframes[0], Phase.APPROACH)
         after = self._drawn_back(self.T_end, self.keyframes[-1], Phase.RETREAT)
         problem = self._problem(before[-1])
+        coming, carrying, leaving = self._parts(problem, self._searched(problem, before, after, rng, deadline))
+        pieces = self._coming(coming), self._carrying(carrying), self._leaving(leaving)
+        return [part for piece in pieces for part in _in_hand(self.scene, piece)]
+
+    def _searched(self, problem: KomoProblem, before, after, rng, deadline: float) -> np.ndarray:
+        """The verified path (T, n), from the straight way to the contact or from one found by search."""
         cols = relaxed(problem.chain, problem.arrays(), self.start, bit(Phase.TRANSIT))
         steps = problem.steps_per_phase[Phase.TRANSIT]
         straight = self.start + np.linspace(0.0, 1.0, steps + 1)[1:, None] * (before[-1] - self.start)
@@ -204,7 +339,7 @@ class _Segment:
         if path is None:
             error = _CutCorner if why.startswith("carrying") else MotionError
             raise error(f"robot '{self.robot}' finds no motion with its contact on '{self.object}': {why}")
-        return self._pieces(problem, path)
+        return path
 
     def _attempt(self, problem, cols, transit, before, after) -> tuple[np.ndarray | None, str]:
         """Solves from one first guess of the transit (T0, n); returns the verified path, or None and what is wrong."""
@@ -223,16 +358,17 @@ class _Segment:
             raise MotionError(f"robot '{self.robot}' cannot {what} the contact on '{self.object}'", Code.NO_MOTION)
         return path
 
-    def _problem(self, before: np.ndarray) -> KomoProblem:
-        steps = (_transit_steps(self.start, before), APPROACH_STEPS, len(self.poses) - 1, APPROACH_STEPS)
+    def _problem(self, before: np.ndarray, leaving: bool = True) -> KomoProblem:
+        retreat = APPROACH_STEPS if leaving else 0
+        steps = (_transit_steps(self.start, before), APPROACH_STEPS, len(self.poses) - 1, retreat)
         problem = KomoProblem(self.manipulation.model.chain, steps, self.collisions, _options(sum(steps)))
         feature = relative_pose(self.manipulation.tip, IDENTITY, IDENTITY)
         fractions = np.arange(APPROACH_STEPS + 1) / APPROACH_STEPS  # as in draw_back
         coming = [multiply(self.T_start, retreated(self.contact, f)) for f in fractions[::-1]]
         carrying = [multiply(T, self.contact.T_obj_ee) for T in self.poses[1:]]
-        leaving = [multiply(self.T_end, retreated(self.contact, f)) for f in fractions[1:]]
+        away = [multiply(self.T_end, retreated(self.contact, f)) for f in fractions[1 : retreat + 1]]
         first = problem.last(Phase.TRANSIT)
-        targets = [*coming, *carrying, *leaving]
+        targets = [*coming, *carrying, *away]
         params = [self.manipulation.target(T) for T in targets]
         problem.add(Objective(feature, ObjectiveType.EQ, range(first, first + len(targets)), params=params))
         return problem
@@ -249,13 +385,13 @@ class _Segment:
         cols = verification(cols)
         knots = spline(coming).x
         turn = knots[-1 - APPROACH_STEPS] if len(knots) > APPROACH_STEPS else 0.0
-        found = {
-            "coming": _violation(self.manipulation, cols, coming, bit(Phase.TRANSIT), turn, bit(Phase.APPROACH)),
-            "carrying": _violation(self.manipulation, cols, carrying, bit(Phase.HOLD) | CARRIED),
-            "leaving": _violation(self.manipulation, cols, leaving, bit(Phase.RETREAT)),
-        }
+        found = {"coming": _violation(self.manipulation, cols, coming, bit(Phase.TRANSIT), turn, bit(Phase.APPROACH))}
+        if len(carrying) > 1:
+            found["carrying"] = _violation(self.manipulation, cols, carrying, bit(Phase.HOLD) | CARRIED)
+        if len(leaving) > 1:
+            found["leaving"] = _violation(self.manipulation, cols, leaving, bit(Phase.RETREAT))
         limits = self.scene.robots[self.robot].model.position_limits
-        for part in (coming, carrying, leaving):
+        for part in (part for part in (coming, carrying, leaving) if len(part) > 1):
             curve = spline(part)
             samples = curve(np.linspace(0.0, curve.x[-1], LIMIT_SAMPLES * len(part)))
             excess = np.maximum(limits[0] - samples, samples - limits[1]).max(axis=0)
@@ -267,35 +403,59 @@ class _Segment:
             if pair >= 0
         )
 
-    def _pieces(self, problem: KomoProblem, path: np.ndarray) -> list[_Piece]:
-        coming, carrying, leaving = self._parts(problem, path)
-        free = free_opening(self.scene.robots[self.robot], self.contact)
-        held = self.contact.opening
-        q = _timed(self.scene, self.robot, coming, FREE_SPEED, FREE_ACCELERATION)
+    def come(self, rng: np.random.Generator, deadline: float) -> _Piece:
+        """The transit to the contact and the closing of the gripper alone."""
+        before = self._drawn_back(self.T_start, self.keyframes[0], Phase.APPROACH)
+        problem = self._problem(before[-1], leaving=False)
+        path = self._searched(problem, before, self.keyframes[:0], rng, deadline)
+        return self._coming(np.concatenate([self.start[None], path]))
+
+    def leave(self) -> _Piece:
+        """The letting go and the retreat alone, from where the robot is."""
+        after = self._drawn_back(self.T_end, self.start, Phase.RETREAT)
+        path = np.concatenate([self.start[None], after])
+        cols = verification(self.collisions.arrays())
+        too_close, pair = _violation(self.manipulation, cols, path, bit(Phase.RETREAT))
+        if pair >= 0:
+            near = " and ".join(self.collisions.pair_name(pair))
+            raise MotionError(
+                f"robot '{self.robot}' lets '{self.object}' go: {near} are {too_close * 1e3:.1f} mm too close"
+            )
+        return self._leaving(path)
+
+    def _openings(self) -> tuple[float, float]:
+        """Of the gripper while coming and going, and in contact, m."""
+        robot = self.scene.robots[self.robot]
+        free = free_opening(robot, self.contact)
+        return free, free if robot.model.held else self.contact.opening
+
+    def _coming(self, path: np.ndarray) -> _Piece:
+        free, held = self._openings()
+        q = _timed(self.scene, self.robot, path, FREE_SPEED, FREE_ACCELERATION)
         opened = _ramp(self.state.gripper[self.robot], free)
         closed = _ramp(free, held)
-        coming_q = np.concatenate([np.repeat(q[:1], len(opened), 0), q, np.repeat(q[-1:], len(closed), 0)])
-        coming_opening = np.concatenate([opened, np.full(len(q), free), closed])
-        hold = _timed(self.scene, self.robot, carrying, HOLD_SPEED, HOLD_ACCELERATION)
-        T_ee_obj = inverse(self.contact.T_obj_ee)
-        base = self.scene.robots[self.robot].base_pose
-        arm = self.manipulation.arm
-        poses = consistent(multiply_all(multiply_all(base, arm.end_effectors(hold)), T_ee_obj))
-        back = _timed(self.scene, self.robot, leaving, FREE_SPEED, FREE_ACCELERATION)
-        released = _ramp(held, free)
-        leaving_q = np.concatenate([np.repeat(back[:1], len(released), 0), back])
-        leaving_opening = np.concatenate([released, np.full(len(back), free)])
+        coming = np.concatenate([np.repeat(q[:1], len(opened), 0), q, np.repeat(q[-1:], len(closed), 0)])
+        return _Piece(self.robot, coming, np.concatenate([opened, np.full(len(q), free), closed]))
+
+    def _carrying(self, path: np.ndarray) -> _Piece:
+        q = _timed(self.scene, self.robot, path, HOLD_SPEED, HOLD_ACCELERATION)
+        poses = consistent(multiply_all(_end_effectors(self.scene, self.robot, q), inverse(self.contact.T_obj_ee)))
+        opening = np.full(len(q), self._openings()[1])
         kind = SegmentKind(self.contact.kind.value)
-        return [
-            _Piece(self.robot, SegmentKind.TRANSIT, coming_q, coming_opening),
-            _Piece(self.robot, kind, hold, np.full(len(hold), held), poses),
-            _Piece(self.robot, SegmentKind.TRANSIT, leaving_q, leaving_opening),
-        ]
+        moved = {self.object: poses}
+        return _Piece(self.robot, q, opening, kind, self.object, None, self.contact.T_obj_ee, moved)
+
+    def _leaving(self, path: np.ndarray) -> _Piece:
+        free, held = self._openings()
+        q = _timed(self.scene, self.robot, path, FREE_SPEED, FREE_ACCELERATION)
+        released = _ramp(held, free)
+        leaving = np.concatenate([np.repeat(q[:1], len(released), 0), q])
+        return _Piece(self.robot, leaving, np.concatenate([released, np.full(len(q), free)]))
 
 
 def _thinned(object_poses: np.ndarray, keyframes: np.ndarray, fineness: float) -> tuple[np.ndarray, np.ndarray]:
     """Every few of the dense poses (K, 7) and their postures, about ``fineness`` HOLD_STEPs apart; ends are kept."""
-    moved = np.array([distance(a, b) for a, b in zip(object_poses, object_poses[1:], strict=False)])
+    moved = np.array([distance(a, b) for a, b in zip(object_poses, object_poses[1:], strict=False)]).reshape(-1, 2)
     size = np.concatenate([[0.0], np.cumsum(np.maximum(moved[:, 0] / HOLD_STEP[0], moved[:, 1] / HOLD_STEP[1]))])
     count = max(2, int(np.ceil(size[-1] / fineness)) + 1)
     keep = np.unique(np.searchsorted(size, np.linspace(0.0, size[-1], count) - 1e-9).clip(0, len(size) - 1))
@@ -311,12 +471,13 @@ def _ramp(a: float, b: float) -> np.ndarray:
     return np.concatenate([np.linspace(a, b, moving + 1), np.full(int(SETTLE / SAMPLE_PERIOD), b)])
 
 
-def _assembled(scene: Scene, state: SceneState, object: str, contact: RobotContact, pieces) -> SegmentMotion:
-    """One trajectory from the pieces; neighbouring pieces share a sample."""
+def _assembled(scene: Scene, state: SceneState, pieces: list[_Piece]) -> SegmentMotion:
+    """One trajectory from the pieces; neighbouring pieces share a sample. What others hold they go on holding."""
     robots = list(dict.fromkeys(piece.robot for piece in pieces))
+    bodies = list(dict.fromkeys(name for piece in pieces for name in piece.moved))
     q = {name: [state.q[name][None]] for name in robots}
     opening = {name: [np.array([state.gripper[name]])] for name in robots}
-    poses = [state.poses[object][None]]
+    poses = {name: [state.poses[name][None]] for name in bodies}
     segments: list[Segment] = []
     at = 0  # samples so far, less one
     for piece in pieces:
@@ -327,26 +488,30 @@ def _assembled(scene: Scene, state: SceneState, object: str, contact: RobotConta
             own = name == piece.robot
             q[name].append(piece.q[1:] if own else np.repeat(q[name][-1][-1:], new, 0))
             opening[name].append(piece.opening[1:] if own else np.repeat(opening[name][-1][-1:], new))
-        moves = piece.object_poses is not None
-        poses.append(piece.object_poses[1:] if moves else np.repeat(poses[-1][-1:], new, 0))
-        segments.append(
-            Segment(
-                start=at * SAMPLE_PERIOD,
-                end=(at + new) * SAMPLE_PERIOD,
-                robot=piece.robot,
-                manipulator=scene.robots[piece.robot].model.end_effector_link,
-                object=object if moves else None,
-                kind=piece.kind,
-                contact_pose=contact.contact.T_obj_ee if moves else None,
-            )
-        )
+        for name, rows in poses.items():
+            rows.append(piece.moved[name][1:] if name in piece.moved else np.repeat(rows[-1][-1:], new, 0))
+        start, end = at * SAMPLE_PERIOD, (at + new) * SAMPLE_PERIOD
+        link = scene.robots[piece.robot].model.end_effector_link
+        manipulator = piece.manipulator or link
+        segments.append(Segment(start, end, piece.robot, manipulator, piece.object, piece.kind, piece.contact_pose))
+        segments += [
+            _holding_still(scene, name, start, end)
+            for name, robot in scene.robots.items()
+            if robot.model.held is not None and name != piece.robot
+        ]
         at += new
     return SegmentMotion(
         Trajectory(
             np.arange(at + 1) * SAMPLE_PERIOD,
             {name: np.concatenate(rows) for name, rows in q.items()},
             {name: np.concatenate(rows) for name, rows in opening.items()},
-            {object: np.concatenate(poses)},
+            {name: np.concatenate(rows) for name, rows in poses.items()},
         ),
         tuple(segments),
     )
+
+
+def _holding_still(scene: Scene, robot: str, start: float, end: float) -> Segment:
+    model = scene.robots[robot].model
+    kind = SegmentKind.TOUCH if scene.mode == TaskMode.KINEMATIC else SegmentKind.GRASP
+    return Segment(start, end, robot, model.end_effector_link, model.held.name, kind, inverse(model.held.T_ee_body))

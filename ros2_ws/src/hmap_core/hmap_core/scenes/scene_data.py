@@ -97,6 +97,17 @@ class GripperData(Data):
     force: Real
 
 
+class HeldData(Data):
+    """A body in the hand of a robot that works with it; ``opening`` of the gripper in metres."""
+
+    name: str
+    parts: list[ShapeData]
+    T_ee_body: PoseVector
+    opening: Real
+    friction: Amount
+    up: array_of(3)
+
+
 class RobotData(Data):
     """A robot: where it stands, where it starts, and its model."""
 
@@ -114,6 +125,7 @@ class RobotData(Data):
     ignored_collisions: list[tuple[str, str]] = []
     gripper: GripperData | None = None
     simulation: dict[str, Any] = {}
+    held: HeldData | None = None
 
     @model_validator(mode="after")
     def _lengths(self) -> "RobotData":

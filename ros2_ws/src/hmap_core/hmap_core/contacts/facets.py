@@ -1,0 +1,99 @@
+"""Facets: the places of a held body with which it can touch, as plane patches and the edges of round ones."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from hmap_core.collision.convex import hull_vertices
+from hmap_core.contacts.candidates import CONTACT_GAP, FEATURE, tangents
+from hmap_core.transforms import apply, rotation_matrix
+from hmap_core.types import HeldBody, Shape, ShapeKind
+
+# directions round a cylinder or capsule in which it can touch
+ROUND = 12
+# facets of a mesh whose normals differ by less are one; cosine
+SAME_NORMAL = 0.999
+# turns of a facet about the normal of what it touches, rad; at the first the body is upright as it stood
+ROLLS = np.deg2rad([0.0, 90.0, 180.0, 270.0])
+# share of the touches in which the middle of a facet lies on the point; in the others any place of it does
+MIDDLE = 0.5
+
+
+@dataclass(frozen=True)
+class Facet:
+    """A patch of a convex shape that is foremost in one direction.
+
+    Attributes:
+        vertices: (V, 3) its corners, on the surface.
+        normal: (3,) outward unit normal.
+    """
+
+    vertices: np.ndarray
+    normal: np.ndarray
+
+
+def _directions(shape: Shape, points: np.ndarray) -> np.ndarray:
+    """Directions (K, 3) in the frame of ``points``, of a shape with these hull vertices."""
+    axes = rotation_matrix(shape.pose).T
+    if shape.kind == ShapeKind.BOX:
+        return np.concatenate([axes, -axes])
+    if shape.kind == ShapeKind.SPHERE:
+        corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / np.sqrt(3.0)
+        return np.concatenate([np.eye(3), -np.eye(3), corners])
+    if shape.kind == ShapeKind.MESH:
+        found: list[np.ndarray] = []
+        for normal in ConvexHull(points).equations[:, :3]:
+            if not found or (np.array(found) @ normal).max() < SAME_NORMAL:
+                found.append(normal)
+        return np.array(found)
+    angle = 2.0 * np.pi * np.arange(ROUND) / ROUND
+    around = np.cos(angle)[:, None] * axes[0] + np.sin(angle)[:, None] * axes[1]
+    return np.concatenate([around, [axes[2], -axes[2]]])
+
+
+def facets(shapes: Sequence[Shape]) -> list[Facet]:
+    """The facets of all shapes, in the frame of their body; those inside of another shape included."""
+    found = []
+    for shape in shapes:
+        points, radius = hull_vertices(shape)
+        for normal in _directions(shape, points):
+            ahead = points @ normal
+            found.append(Facet(points[ahead >= ahead.max() - FEATURE] + radius * normal, normal))
+    return found
+
+
+def held_facets(held: HeldBody) -> list[Facet]:
+    """The facets of what a hand holds, in the end-effector frame."""
+    R = rotation_matrix(held.T_ee_body)
+    return [Facet(apply(held.T_ee_body, f.vertices), R @ f.normal) for f in facets(held.shapes)]
+
+
+def placed(
+    facet: Facet, up: np.ndarray, points: np.ndarray, normals: np.ndarray, toward: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Poses of the end-effector frame at which a facet lies CONTACT_GAP above points of a surface, in all ROLLS.
+
+    Args:
+        facet: in the end-effector frame.
+        up: (3,) what is up for the body it belongs to, end-effector frame.
+        points, normals: (N, 3) of the surface; ``toward`` (3,) is up there.
+        rng: draws which place of the facet lies on the point, where it is not the middle.
+
+    Returns:
+        R (N * K, 3, 3), origin (N * K, 3), rolls (N * K,) in rad; all rolls of a point after each other.
+    """
+    K = len(ROLLS)
+    own, _ = tangents(facet.normal[None], up)
+    frame = np.stack([own[0], np.cross(facet.normal, own[0]), facet.normal], axis=1)
+    first, second = (np.repeat(t, K, axis=0) for t in tangents(-normals, toward))
+    inward = np.repeat(-normals, K, axis=0)
+    rolls = np.tile(ROLLS, len(points))
+    x = np.cos(rolls)[:, None] * first + np.sin(rolls)[:, None] * second
+    R = np.stack([x, np.cross(inward, x), inward], axis=2) @ frame.T
+    weights = rng.dirichlet(np.ones(len(facet.vertices)), len(points))
+    weights[rng.random(len(points)) < MIDDLE] = 1.0 / len(facet.vertices)
+    anchor = np.repeat(weights @ facet.vertices, K, axis=0)
+    origin = np.repeat(points + CONTACT_GAP * normals, K, axis=0) - np.einsum("nij,nj->ni", R, anchor)
+    return R, origin, rolls
