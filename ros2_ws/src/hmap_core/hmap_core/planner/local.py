@@ -11,6 +11,7 @@ from hmap_core.contacts.camera import Cloud, visible_points
 from hmap_core.contacts.candidates import Situation
 from hmap_core.contacts.feasibility import feasible_contacts, reach_bounds, reachable
 from hmap_core.contacts.hand import hand_of
+from hmap_core.contacts.hold import turning_share
 from hmap_core.contacts.proposer import NoProposer, Proposer
 from hmap_core.contacts.sampler import sample_contacts
 from hmap_core.exceptions import Code, ContactError
@@ -19,7 +20,8 @@ from hmap_core.komo.manipulation import Manipulation
 from hmap_core.planner import motion
 from hmap_core.planner.interfaces import Grip, RobotContact, SegmentMotion
 from hmap_core.planner.tools import holding, spread, tools_of
-from hmap_core.types import Body, ContactPoint, Goal, Scene, SceneState
+from hmap_core.transforms import rotation_matrix
+from hmap_core.types import Body, ContactPoint, Goal, Scene, SceneState, TaskMode
 from hmap_core.waypoints import ObjectPath, ObjectPathProblem, plan_waypoints, standing
 
 SURFACE_POINTS = 600  # samples of the object's surface when looking at it
@@ -28,6 +30,8 @@ MAX_CANDIDATES = 480  # per robot, before it is out of contacts
 ENOUGH = 4  # feasible contacts per robot after which only better ones are looked for
 STRETCH_WEIGHT = 0.7  # share of a contact's worth that is lost when the arm is stretched out
 SCORE_WEIGHT = 0.1  # poses of the path that one point of a contact's score is worth
+LIFTED = 0.001  # m that a path has to rise for the object to be lifted
+TURNING_SHARE = 0.7  # of the friction against turning in the hand that the weight of what is lifted may use
 HOLDS_TRIED = 24  # holds on a tool for which an arm is asked
 HOLDS = 12  # of them that are kept, per robot
 MIN_REACH = 2  # poses a contact has to serve, unless the path is shorter
@@ -76,10 +80,13 @@ class LocalBackend:
         informed = self.proposer.propose(state, scene, object, object_poses)
         found: list[RobotContact] = []
         looked_at = 0
+        lifted = np.max(object_poses[:, 2]) > object_poses[0, 2] + LIFTED
         for name in robots or scene.robots:
             sampled = self._sampled(scene, state, object, object_poses, name, cloud, rng)
             for batch in chain([informed] if informed else [], sampled):
                 looked_at += len(batch)
+                if lifted:
+                    batch = self._gripped(scene, object, name, batch, object_poses[0])
                 feasible = self.check_contacts(scene, state, object, object_poses, name, batch, rng)
                 found += feasible
                 if feasible or time.monotonic() > deadline:
@@ -160,12 +167,21 @@ class LocalBackend:
         contacts = next(self._sampled(scene, state, tool, T_tool[None], robot, None, rng), [])
         if not contacts:
             return []
+        contacts = self._gripped(scene, tool, robot, contacts, T_tool)
         contacts = [contacts[k] for k in np.flatnonzero(reach_bounds(manipulation, contacts, T_tool[None]) >= 0)]
         contacts = [contacts[k] for k in spread(contacts, HOLDS_TRIED)]
         if not contacts:
             return []
         ok, q = reachable(manipulation, contacts, T_tool, rng)
         return [RobotContact(robot, contacts[k], 0, q[k][None], away) for k in np.flatnonzero(ok)][:HOLDS]
+
+    def _gripped(self, scene: Scene, body: str, robot: str, contacts, T_body: np.ndarray) -> list[ContactPoint]:
+        """The contacts that hold a body when it is lifted from T_body (7,)."""
+        gripper = scene.robots[robot].model.gripper
+        if gripper is None or scene.mode == TaskMode.KINEMATIC:
+            return list(contacts)
+        share = turning_share(scene.bodies[body], contacts, gripper, rotation_matrix(T_body)[2])
+        return [c for c, used in zip(contacts, share, strict=True) if used <= TURNING_SHARE]
 
     def _bound(self, scene: Scene, state: SceneState, object: str, object_poses, robot: str, rng) -> int:
         """The farthest pose to which hand and object alone could go; -1: they cannot meet."""

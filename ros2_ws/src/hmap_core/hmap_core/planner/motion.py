@@ -53,6 +53,7 @@ SEARCH_TIME = 10.0  # s that may go into one joint-space search; its number of c
 # follows within the clearance
 FREE_SPEED, FREE_ACCELERATION = 0.6, 0.3
 HOLD_SPEED, HOLD_ACCELERATION = 0.2, 0.05
+CARRY_SPEED, CARRY_ACCELERATION = 0.3, 0.08  # through the air with a tool in the hand
 STANDING_DEPTH = 0.001  # m that a robot may stand inside of something when a plan begins
 GRIPPER_SPEED = 0.1  # m/s of the opening
 LIFTS = (0.06, 0.03, 0.015)  # m that what was taken is lifted by, where there is room
@@ -262,7 +263,7 @@ def _move(scene: Scene, state: SceneState, robot: str, object: str | None, q: np
         if pair >= 0:
             near = " and ".join(collisions.pair_name(pair))
             raise MotionError(f"robot '{robot}' on its way: {near} are {too_close * 1e3:.1f} mm too close")
-    timed = _timed(scene, robot, path, FREE_SPEED, FREE_ACCELERATION)
+    timed = _timed_free(scene, robot, path)
     return _Piece(robot, timed, np.full(len(timed), state.gripper[robot]))
 
 
@@ -273,6 +274,12 @@ def _options(steps: int) -> SolverOptions:
 
 def _transit_steps(a: np.ndarray, b: np.ndarray) -> int:
     return int(np.clip(np.ceil(np.abs(b - a).max() / JOINT_STEP), *TRANSIT_STEPS))
+
+
+def _timed_free(scene: Scene, robot: str, path: np.ndarray) -> np.ndarray:
+    """A transit, slower with something in the hand."""
+    held = scene.robots[robot].model.held is not None
+    return _timed(scene, robot, path, *(CARRY_SPEED, CARRY_ACCELERATION) if held else (FREE_SPEED, FREE_ACCELERATION))
 
 
 def _timed(scene: Scene, robot: str, path: np.ndarray, speed: float, acceleration: float) -> np.ndarray:
@@ -431,7 +438,7 @@ class _Segment:
 
     def _coming(self, path: np.ndarray) -> _Piece:
         free, held = self._openings()
-        q = _timed(self.scene, self.robot, path, FREE_SPEED, FREE_ACCELERATION)
+        q = _timed_free(self.scene, self.robot, path)
         opened = _ramp(self.state.gripper[self.robot], free)
         closed = _ramp(free, held)
         coming = np.concatenate([np.repeat(q[:1], len(opened), 0), q, np.repeat(q[-1:], len(closed), 0)])
@@ -447,7 +454,7 @@ class _Segment:
 
     def _leaving(self, path: np.ndarray) -> _Piece:
         free, held = self._openings()
-        q = _timed(self.scene, self.robot, path, FREE_SPEED, FREE_ACCELERATION)
+        q = _timed_free(self.scene, self.robot, path)
         released = _ramp(held, free)
         leaving = np.concatenate([np.repeat(q[:1], len(released), 0), q])
         return _Piece(self.robot, leaving, np.concatenate([released, np.full(len(q), free)]))

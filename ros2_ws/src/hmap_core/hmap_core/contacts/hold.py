@@ -1,0 +1,32 @@
+"""Whether a grasp holds a lifted body level: the turning friction of the pads against its weight.
+
+Each pad resists a turn about the closing axis like a disc of radius r under the gripper's force F, by (2/3) mu F r
+(Coulomb friction under even pressure; as in Howe & Cutkosky, IJRR 1996); two pads do, with r the pads' half width.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hmap_core.collision.convex import convex_set
+from hmap_core.transforms import rotation_matrix
+from hmap_core.types import Body, ContactKind, ContactPoint, Gripper
+from hmap_core.waypoints.support import centre_of_mass
+
+GRAVITY = 9.81  # m/s^2
+
+
+def turning_share(body: Body, contacts: Sequence[ContactPoint], gripper: Gripper, up: np.ndarray) -> np.ndarray:
+    """Share (K,) of the turning friction of each grasp that the body's weight uses up; above 1 it turns in the hand.
+
+    ``up`` (3,) is the vertical in the body's frame. Contacts that are no grasps use nothing.
+    """
+    centre = centre_of_mass(convex_set(body.shapes))
+    capacity = 4.0 / 3.0 * body.friction * gripper.force * gripper.pad_half_width
+    share = np.zeros(len(contacts))
+    for k, contact in enumerate(contacts):
+        if contact.kind == ContactKind.GRASP:
+            closing = rotation_matrix(contact.T_obj_ee)[:, 1]
+            moment = np.cross(centre - contact.T_obj_ee[:3], -body.mass * GRAVITY * up) @ closing
+            share[k] = abs(moment) / capacity
+    return share
