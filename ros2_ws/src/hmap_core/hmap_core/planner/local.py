@@ -7,6 +7,7 @@ from itertools import chain
 
 import numpy as np
 
+from hmap_core.contacts.access import accessible
 from hmap_core.contacts.camera import Cloud, visible_points
 from hmap_core.contacts.candidates import Situation
 from hmap_core.contacts.feasibility import feasible_contacts, reach_bounds, reachable
@@ -14,6 +15,7 @@ from hmap_core.contacts.hand import hand_of
 from hmap_core.contacts.hold import turning_share
 from hmap_core.contacts.proposer import NoProposer, Proposer
 from hmap_core.contacts.sampler import sample_contacts
+from hmap_core.contacts.solids import solids
 from hmap_core.exceptions import Code, ContactError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.manipulation import Manipulation
@@ -30,6 +32,7 @@ MAX_CANDIDATES = 480  # per robot, before it is out of contacts
 ENOUGH = 4  # feasible contacts per robot after which only better ones are looked for
 STRETCH_WEIGHT = 0.7  # share of a contact's worth that is lost when the arm is stretched out
 SCORE_WEIGHT = 0.1  # poses of the path that one point of a contact's score is worth
+ACCESS = 0.002  # m of room before a place of the surface that an arm without fingers, or a tool, needs
 LIFTED = 0.001  # m that a path has to rise for the object to be lifted
 TURNING_SHARE = 0.7  # of the friction against turning in the hand that the weight of what is lifted may use
 HOLDS_TRIED = 24  # holds on a tool for which an arm is asked
@@ -217,12 +220,16 @@ class LocalBackend:
         seen = visible_points(
             body, object_poses[0], obstacles, scene.cameras.values(), rng, SURFACE_POINTS, include_unseen=True
         )
+        around = solids([(shape, T) for other, T in obstacles for shape in other.shapes])
+        hand = hand_of(placed)
+        room = ACCESS if hand.gripper is None else hand.gripper.pad_half_width
+        seen = seen[accessible(seen, object_poses[0], around, room)]
         situation = Situation(object_poses[0], object_poses[min(1, len(object_poses) - 1)], placed.base_pose[:3])
         total = 0
         for points in (cloud, seen[seen.seen], seen[~seen.seen]):
             if points is None or not len(points):
                 continue
-            for batch in sample_contacts(body, points, hand_of(placed), scene.mode, situation, rng, BATCH):
+            for batch in sample_contacts(body, points, hand, scene.mode, situation, rng, BATCH):
                 yield batch
                 total += len(batch)
                 if total >= MAX_CANDIDATES:

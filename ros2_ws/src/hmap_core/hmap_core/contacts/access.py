@@ -1,0 +1,29 @@
+"""Which places of a surface have room before them for something that touches there."""
+
+import numpy as np
+from numba import njit
+
+from hmap_core.contacts.camera import SKIN, Cloud
+from hmap_core.contacts.solids import Solids, interval
+from hmap_core.transforms import apply, rotation_matrix
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _free_ahead(points, normals, room, kind, R, p, size, planes, start):
+    """Whether (N,) the line of length ``room`` from each point along its normal meets no solid."""
+    out = np.ones(points.shape[0], np.bool_)
+    t = np.empty(2)
+    for i in range(points.shape[0]):
+        for s in range(kind.shape[0]):
+            interval(s, points[i], normals[i], kind, R, p, size, planes, start, t)
+            if t[0] <= t[1] and t[1] > SKIN and t[0] < room:
+                out[i] = False
+                break
+    return out
+
+
+def accessible(cloud: Cloud, T_world_obj: np.ndarray, obstacles: Solids, room: float) -> np.ndarray:
+    """Whether (N,) nothing stands within ``room`` metres before each point of an object at T_world_obj (7,)."""
+    points = apply(T_world_obj, cloud.points)
+    normals = np.ascontiguousarray(cloud.normals @ rotation_matrix(T_world_obj).T)
+    return _free_ahead(points, normals, room, *obstacles.arrays)
