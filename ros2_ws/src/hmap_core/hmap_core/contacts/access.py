@@ -1,10 +1,10 @@
-"""Which places of a surface have room before them for something that touches there."""
+"""Which places of a surface can be touched: there is room before them, and material behind all of the contact."""
 
 import numpy as np
 from numba import njit
 
-from hmap_core.contacts.camera import SKIN, Cloud
-from hmap_core.contacts.solids import Solids, interval
+from hmap_core.contacts.camera import COVER, SKIN, Cloud
+from hmap_core.contacts.solids import Solids, covered, interval
 from hmap_core.transforms import apply, rotation_matrix
 
 
@@ -27,3 +27,15 @@ def accessible(cloud: Cloud, T_world_obj: np.ndarray, obstacles: Solids, room: f
     points = apply(T_world_obj, cloud.points)
     normals = np.ascontiguousarray(cloud.normals @ rotation_matrix(T_world_obj).T)
     return _free_ahead(points, normals, room, *obstacles.arrays)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def on_face(points, normals, sides, steps, kind, R, p, size, planes, start):
+    """Largest of ``steps`` (K,) for which points + step * sides (N, 3) still has material right behind it, (N,)."""
+    out = np.zeros(points.shape[0])
+    for i in range(points.shape[0]):
+        for k in range(steps.shape[0]):
+            if covered(points[i] + steps[k] * sides[i] - COVER * normals[i], kind, R, p, size, planes, start):
+                out[i] = steps[k]
+                break
+    return out

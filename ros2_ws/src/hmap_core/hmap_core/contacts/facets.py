@@ -19,6 +19,8 @@ SAME_NORMAL = 0.999
 ROLLS = np.deg2rad([0.0, 90.0, 180.0, 270.0])
 # share of the touches in which the middle of a facet lies on the point; in the others any place of it does
 MIDDLE = 0.5
+# points of a surface that are tried with one facet
+PER_FACET = 40
 
 
 @dataclass(frozen=True)
@@ -72,19 +74,21 @@ def held_facets(held: HeldBody) -> list[Facet]:
 
 def placed(
     facet: Facet, up: np.ndarray, points: np.ndarray, normals: np.ndarray, toward: np.ndarray, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Poses of the end-effector frame at which a facet lies CONTACT_GAP above points of a surface, in all ROLLS.
 
     Args:
         facet: in the end-effector frame.
         up: (3,) what is up for the body it belongs to, end-effector frame.
-        points, normals: (N, 3) of the surface; ``toward`` (3,) is up there.
-        rng: draws which place of the facet lies on the point, where it is not the middle.
+        points, normals: (N, 3) of the surface, of which at most PER_FACET are used; ``toward`` (3,) is up there.
+        rng: draws the points, and which place of the facet lies on them, where it is not the middle.
 
     Returns:
-        R (N * K, 3, 3), origin (N * K, 3), rolls (N * K,) in rad; all rolls of a point after each other.
+        R (M, 3, 3), origin (M, 3), rolls (M,) in rad, and the number (M,) of the point.
     """
     K = len(ROLLS)
+    chosen = rng.permutation(len(points))[:PER_FACET]
+    points, normals = points[chosen], normals[chosen]
     own, _ = tangents(facet.normal[None], up)
     frame = np.stack([own[0], np.cross(facet.normal, own[0]), facet.normal], axis=1)
     first, second = (np.repeat(t, K, axis=0) for t in tangents(-normals, toward))
@@ -96,4 +100,4 @@ def placed(
     weights[rng.random(len(points)) < MIDDLE] = 1.0 / len(facet.vertices)
     anchor = np.repeat(weights @ facet.vertices, K, axis=0)
     origin = np.repeat(points + CONTACT_GAP * normals, K, axis=0) - np.einsum("nij,nj->ni", R, anchor)
-    return R, origin, rolls
+    return R, origin, rolls, np.repeat(chosen, K)

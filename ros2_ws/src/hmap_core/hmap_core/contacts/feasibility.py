@@ -20,7 +20,7 @@ from hmap_core.contacts.hand_reach import hand_reach
 from hmap_core.contacts.push import push_reach
 from hmap_core.komo.features import pose_params_all, relative_pose
 from hmap_core.komo.ik import follow_ik, solve_ik_batch
-from hmap_core.komo.manipulation import Manipulation, Phase, bit, retreated
+from hmap_core.komo.manipulation import Manipulation, Phase, bit, retreat_distance, retreated
 from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.options import IK_OPTIONS
 from hmap_core.komo.transcription import KomoProblem
@@ -103,7 +103,7 @@ def reach_bounds(manipulation: Manipulation, contacts: Sequence[ContactPoint], o
         at_start = manipulation.collisions(first, object_poses[0]).arrays()
         on_path = manipulation.surroundings(first).arrays()
         frames = np.array([contacts[k].T_obj_ee for k in members])
-        back = np.array([retreated(contacts[k])[:3] for k in members])
+        back = drawn_back([contacts[k] for k in members])
         place = hand_reach(
             R_obj, p_obj, Rotation.from_quat(frames[:, 3:]).as_matrix(), np.ascontiguousarray(frames[:, :3]), back,
             rotation_matrix(T_ee_tip), T_ee_tip[:3], manipulation.tip, bit(Phase.APPROACH), bit(Phase.TRANSIT),
@@ -115,6 +115,13 @@ def reach_bounds(manipulation: Manipulation, contacts: Sequence[ContactPoint], o
     scene = manipulation.scene
     hand = hand_of(scene.robots[manipulation.robot])
     return np.minimum(bound, push_reach(scene.bodies[manipulation.object], hand, contacts, object_poses))
+
+
+def drawn_back(contacts: Sequence[ContactPoint]) -> np.ndarray:
+    """Where (K, 3) the end-effectors of contacts are once they have drawn back, object frame."""
+    frames = np.array([c.T_obj_ee for c in contacts])
+    ways = np.array([retreat_distance(c) * c.approach for c in contacts])
+    return frames[:, :3] - Rotation.from_quat(frames[:, 3:]).apply(ways)
 
 
 def alike(contacts: Sequence[ContactPoint]) -> list[list[int]]:

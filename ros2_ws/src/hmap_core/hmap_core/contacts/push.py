@@ -4,15 +4,15 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 
 from hmap_core.collision.convex import convex_set
 from hmap_core.contacts import scoring
-from hmap_core.contacts.camera import COVER, Cloud
+from hmap_core.contacts.access import on_face
+from hmap_core.contacts.camera import Cloud
 from hmap_core.contacts.candidates import CONTACT_GAP, Candidates, Hand, Situation, frames, on_surface
 from hmap_core.contacts.facets import held_facets, placed
 from hmap_core.contacts.friction import characteristic_length, cone_generators, in_cone, needed_wrench, stable_pushes
-from hmap_core.contacts.solids import Solids, covered, solids
+from hmap_core.contacts.solids import Solids, solids
 from hmap_core.transforms import IDENTITY, apply, inverse, multiply, rotation_matrix
 from hmap_core.types import Body, ContactKind, ContactPoint
 from hmap_core.waypoints.support import centre_of_mass, feet
@@ -55,18 +55,6 @@ def slide_twists(T0: np.ndarray, T1: np.ndarray, centre: np.ndarray) -> np.ndarr
     c, s = np.cos(angle), np.sin(angle)
     last = np.array([c * step[0] + s * step[1], -s * step[0] + c * step[1]])
     return np.array([[*(step[:2] + spin), angle], [*(last + spin), angle]])
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _on_face(points, normals, sides, steps, kind, R, p, size, planes, start):
-    """Largest of ``steps`` (K,) for which points + step * sides (N, 3) still has material right behind it, (N,)."""
-    out = np.zeros(points.shape[0])
-    for i in range(points.shape[0]):
-        for k in range(steps.shape[0]):
-            if covered(points[i] + steps[k] * sides[i] - COVER * normals[i], kind, R, p, size, planes, start):
-                out[i] = steps[k]
-                break
-    return out
 
 
 def _oriented(n: int, normals: np.ndarray, up: np.ndarray) -> np.ndarray:
@@ -164,9 +152,8 @@ def pushes(
     sets = _held_poses(cloud, slide.up, hand, rng) if hand.held else [_finger_poses(cloud, slide.up, hand.tip)]
     friction = hand.friction(body.friction)
     found = []
-    for R, origin, feature, tip, upright in sets:
-        count = len(R) // len(cloud)
-        points, normals = (np.repeat(a, count, axis=0) for a in (cloud.points, cloud.normals))
+    for R, origin, feature, tip, upright, index in sets:
+        points, normals = cloud.points[index], cloud.normals[index]
         ends, flat = slide.lines(points, normals, R, origin, feature, tip)
         keep = stable_pushes(ends, flat, FRICTION_SHARE * friction, twists, slide.length)
         keep &= _stays_upright(points @ slide.up - slide.lowest, flat, slide.footprint, slide.middle, friction)
@@ -175,7 +162,7 @@ def pushes(
             + scoring.W_ABOVE * scoring.above(R, situation.T_world_obj)
             + scoring.W_NEAR * scoring.near(points, situation, radius)
             + scoring.W_MOTION * scoring.along(normals, situation)
-            + scoring.W_SEEN * np.repeat(cloud.seen, count)
+            + scoring.W_SEEN * cloud.seen[index]
             + scoring.W_UPRIGHT * upright
         )
         approach = -np.einsum("nij,ni->nj", R, normals)
@@ -186,19 +173,18 @@ def pushes(
 
 def _finger_poses(cloud: Cloud, up: np.ndarray, tip: np.ndarray):
     R = _oriented(len(cloud), cloud.normals, up)
-    count = len(R) // len(cloud)
-    points, normals = (np.repeat(a, count, axis=0) for a in (cloud.points, cloud.normals))
-    origin, feature = on_surface(R, points, normals, tip)
-    return R, origin, feature, tip, np.zeros(len(R))
+    index = np.repeat(np.arange(len(cloud)), len(R) // len(cloud))
+    origin, feature = on_surface(R, cloud.points[index], cloud.normals[index], tip)
+    return R, origin, feature, tip, np.zeros(len(R)), index
 
 
 def _held_poses(cloud: Cloud, up: np.ndarray, hand: Hand, rng: np.random.Generator):
     """For each facet of what is held, the poses in which it lies against the points."""
     own_up = rotation_matrix(hand.held.T_ee_body) @ hand.held.up
     for facet in held_facets(hand.held):
-        R, origin, rolls = placed(facet, own_up, cloud.points, cloud.normals, up, rng)
+        R, origin, rolls, index = placed(facet, own_up, cloud.points, cloud.normals, up, rng)
         feature = np.ones((len(R), len(facet.vertices)), bool)
-        yield R, origin, feature, facet.vertices, np.cos(rolls)
+        yield R, origin, feature, facet.vertices, np.cos(rolls), index
 
 
 def push_reach(body: Body, hand: Hand, contacts: Sequence[ContactPoint], poses: np.ndarray) -> np.ndarray:
@@ -255,7 +241,7 @@ def _contact_lines(points, normals, tangent, R, origin, feature, tip, own) -> tu
     ends = []
     for side in (low, high):
         offset = tangent * side[:, None]
-        ends.append(points + offset * _on_face(points, normals, offset, SHRINKING, *own.arrays)[:, None])
+        ends.append(points + offset * on_face(points, normals, offset, SHRINKING, *own.arrays)[:, None])
     return ends[0], ends[1]
 
 

@@ -246,8 +246,8 @@ def holding(arm: Arm, held: HeldBody) -> Arm:
     for shape in held.shapes:
         points, radius = hull_vertices(shape)
         vertices = np.ascontiguousarray(apply(T, points))
-        center, bound = bounding_sphere(vertices)
-        sphere = (center, bound + radius)
+        center = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+        sphere = (center, np.linalg.norm(vertices - center, axis=1).max() + radius)
         own.append(LinkHull(held.name, n, vertices, radius, np.zeros(3), True, sphere, hull_edges(vertices)))
     links = [i for i, hull in enumerate(hulls) if hull.frame < n]
     pairs = [(i, len(hulls) + k) for i in links for k in range(len(own))]

@@ -21,7 +21,7 @@ from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.planner import motion
 from hmap_core.planner.interfaces import Grip, RobotContact, SegmentMotion
-from hmap_core.planner.tools import holding, spread, tools_of
+from hmap_core.planner.tools import holding, spread, tools_of, within_reach
 from hmap_core.transforms import rotation_matrix
 from hmap_core.types import Body, ContactPoint, Goal, Scene, SceneState, TaskMode
 from hmap_core.waypoints import ObjectPath, ObjectPathProblem, plan_waypoints, standing
@@ -35,8 +35,8 @@ SCORE_WEIGHT = 0.1  # poses of the path that one point of a contact's score is w
 ACCESS = 0.002  # m of room before a place of the surface that an arm without fingers, or a tool, needs
 LIFTED = 0.001  # m that a path has to rise for the object to be lifted
 TURNING_SHARE = 0.7  # of the friction against turning in the hand that the weight of what is lifted may use
-HOLDS_TRIED = 24  # holds on a tool for which an arm is asked
-HOLDS = 12  # of them that are kept, per robot
+HOLDS_TRIED = 16  # holds on a tool for which an arm is asked
+HOLDS = 8  # of them that are kept, per robot
 MIN_REACH = 2  # poses a contact has to serve, unless the path is shorter
 
 
@@ -152,15 +152,20 @@ class LocalBackend:
         rng = np.random.default_rng(seed)
         least = min(MIN_REACH, len(object_poses) - 1)
         found: list[tuple[Grip, int]] = []
-        for tool in tools_of(scene, object):
-            for robot in scene.robots:
-                for contact in self._holds(scene, state, tool, robot, rng):
-                    grip = Grip(tool, contact, state.poses[tool])
-                    bound = self._bound(holding(scene, grip), state, object, object_poses, robot, rng)
-                    if bound >= least:
-                        found.append((grip, bound))
-                    if time.monotonic() > deadline:
-                        break
+        pairs = [
+            (tool, robot)
+            for tool in tools_of(scene, object)
+            for robot in scene.robots
+            if within_reach(scene, state, robot, tool, object)
+        ]
+        for tool, robot in pairs:
+            for contact in self._holds(scene, state, tool, robot, rng):
+                grip = Grip(tool, contact, state.poses[tool])
+                bound = self._bound(holding(scene, grip), state, object, object_poses, robot, rng)
+                if bound >= least:
+                    found.append((grip, bound))
+                if time.monotonic() > deadline:
+                    break
         return sorted(found, key=lambda entry: -entry[1])
 
     def _holds(self, scene: Scene, state: SceneState, tool: str, robot: str, rng) -> list[RobotContact]:
