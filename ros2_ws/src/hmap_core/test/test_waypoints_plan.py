@@ -1,5 +1,7 @@
 """Paths of the object alone, verified between the poses by another library."""
 
+import time
+
 import numpy as np
 import pytest
 from geometry_fixtures import TABLE, box, worst_distance, yaw
@@ -129,6 +131,21 @@ def test_a_body_at_the_goal_has_to_go():
     with pytest.raises(InputError, match="penetrates 'cube1' by 10.0 mm at its goal") as error:
         plan(fixed)
     assert error.value.code == Code.GOAL_IN_COLLISION
+
+
+def test_a_closed_tray_is_proven_to_be_closed():
+    """No time is spent on sliding: what is proven to be closed is given up at once, or lifted out of."""
+    sides = [box(f"side{k}", (0.5, 0.02, 0.1), (0, s * 0.24, 0.1)) for k, s in enumerate((-1, 1))]
+    ends = [box(f"end{k}", (0.02, 0.5, 0.1), (s * 0.24, 0, 0.1)) for k, s in enumerate((-1, 1))]
+    cube = box("cube", (0.08, 0.08, 0.08), (0, 0, 0))
+    start, goal = pose((0, 0, 0.09)), pose((0.6, 0.1, 0.09))
+    began = time.monotonic()
+    with pytest.raises(NoObjectPath):
+        plan(ObjectPathProblem(cube, start, goal, (TABLE, *sides, *ends), motion="planar"), limit=60.0)
+    assert time.monotonic() - began < 20.0
+    assert plan(ObjectPathProblem(cube, start, goal, (TABLE, *sides, *ends))).motion == "spatial"
+    gate = (TABLE, *sides, ends[0], box("end1", (0.02, 0.39, 0.1), (0.24, -0.055, 0.1)))  # leaves 85 mm beside side1
+    assert plan(ObjectPathProblem(cube, start, goal, gate, motion="planar"), limit=60.0).motion == "planar"
 
 
 def test_a_wall_that_cannot_be_removed_is_named():

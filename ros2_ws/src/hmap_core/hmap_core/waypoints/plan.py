@@ -54,7 +54,7 @@ def _past_or_through(problem, search, needed, rng, early, deadline) -> Corners |
     """
     found = None if needed else search.rounds(rng, early, ROUNDS_PAST_REMOVABLE)
     emptied = ObjectSearch(problem.without(problem.removable))
-    while found is None and time.monotonic() < deadline:
+    while found is None and not emptied.hopeless and time.monotonic() < deadline:
         through = emptied.round(rng, deadline)
         if through is not None:
             removal = fewest_removals(problem, through, needed, rng, deadline)

@@ -11,6 +11,7 @@ from hmap_core.waypoints.kernels import lengths
 from hmap_core.waypoints.problem import ObjectPathProblem
 from hmap_core.waypoints.roadmap import SAME_POSE, direct_path, exits
 from hmap_core.waypoints.rrt import ROUNDS, rrt_path
+from hmap_core.waypoints.separation import separated
 
 # start and goal within this are at the same height and tilt
 SAME_HEIGHT = 1e-3  # m
@@ -51,6 +52,11 @@ class ObjectSearch:
         self._kinds = [_Kind(self.problem, planar) for planar in _motions(self.problem)]
         self._rounds = 0
 
+    @property
+    def hopeless(self) -> bool:
+        """Whether it is proven that there is no path within the bounds of the search."""
+        return all(kind.hopeless for kind in self._kinds)
+
     def fresh_checkers(self) -> list[ObjectChecker]:
         """The checkers of the first kind of motion that makes sense, before anything is searched."""
         kinds = list(self._kinds)
@@ -66,7 +72,7 @@ class ObjectSearch:
             deadline: ``time.monotonic()`` after which to give up.
         """
         for k, kind in enumerate(list(self._kinds)):
-            waiting = 0 if k == 0 else PLANAR_ROUNDS
+            waiting = 0 if k == 0 or self._kinds[0].hopeless else PLANAR_ROUNDS
             if self._rounds < waiting:
                 continue
             if not kind.checkers and not kind.prepare(self._geometry, last=k == len(self._kinds) - 1):
@@ -82,7 +88,7 @@ class ObjectSearch:
     def rounds(self, rng: np.random.Generator, deadline: float, count: int | None = None) -> Corners | None:
         """What the first successful of ``count`` rounds finds (None: as many as there is time for), or None."""
         done = 0
-        while time.monotonic() < deadline and (count is None or done < count):
+        while not self.hopeless and time.monotonic() < deadline and (count is None or done < count):
             found = self.round(rng, deadline)
             if found is not None:
                 return found
@@ -98,6 +104,7 @@ class _Kind:
         self.checkers: list[ObjectChecker] = []
         self.ends: list[tuple[list[np.ndarray], list[np.ndarray]]] = []
         self.bounds: np.ndarray | None = None
+        self.hopeless = False  # proven to have no path
 
     def prepare(self, geometry: Geometry, last: bool) -> bool:
         """Make the checkers; False where this kind makes no sense: a slide off what does not carry the body."""
@@ -116,6 +123,8 @@ class _Kind:
         Straight, else in the plane by two trees that grow for a moment, else by the small roadmap; then by trees from
         the exits of start and goal, with budgets that grow with the ``number`` of the round.
         """
+        if self.hopeless:
+            return None
         start = np.asarray(self.problem.start, float)
         goal = np.asarray(self.problem.goal, float)
         goal = flattened(self.problem, goal) if self.planar else goal
@@ -123,6 +132,10 @@ class _Kind:
             path = _first_tries(checker, start, goal, self.bounds, rng, deadline)
             if path is not None:
                 return checker, path
+            if self.planar and not self.ends:
+                self.hopeless = separated(checker, start, goal, self.bounds)
+            if self.hopeless:
+                return None
             self.ends.append(tuple([T, *exits(checker, T, o, self.bounds)] for T, o in ((start, goal), (goal, start))))
         for checker, (starts, goals) in zip(self.checkers, self.ends, strict=True):
             path = rrt_path(checker, starts, goals, self.bounds, rng, deadline, GROWTH**number)
