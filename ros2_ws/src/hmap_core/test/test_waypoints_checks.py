@@ -13,8 +13,8 @@ from hmap_core.types import Shape, ShapeKind
 from hmap_core.waypoints import DEFAULT_MARGIN, ObjectPathProblem
 from hmap_core.waypoints.checker import Geometry, ObjectChecker, ObstacleShapes
 from hmap_core.waypoints.kernels import between, length
-from hmap_core.waypoints.plan import search_bounds
 from hmap_core.waypoints.rrt import rrt_path
+from hmap_core.waypoints.search import search_bounds
 from hmap_core.waypoints.shorten import smooth
 from hmap_core.waypoints.support import Support, centre_of_mass
 

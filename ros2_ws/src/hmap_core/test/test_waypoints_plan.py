@@ -1,14 +1,16 @@
 """Paths of the object alone, verified between the poses by another library."""
 
+import time
+
 import numpy as np
 import pytest
 from geometry_fixtures import TABLE, box, worst_distance, yaw
-from waypoints_fixtures import BAR, SLACK, TUNNELS, U_WALLS, WINDOW, u_problem, window_problem
+from waypoints_fixtures import BAR, SLACK, TUNNELS, U_WALLS, WINDOW, two_doors_problem, u_problem, window_problem
 
 from hmap_core.exceptions import Code, InputError, WaypointError
 from hmap_core.transforms import distance, pose
 from hmap_core.types import Body, BodyKind, Shape, ShapeKind
-from hmap_core.waypoints import DEFAULT_MARGIN, ObjectPathProblem, plan_waypoints
+from hmap_core.waypoints import DEFAULT_MARGIN, NoObjectPath, ObjectPathProblem, plan_waypoints
 from hmap_core.waypoints.resample import POSITION_STEP, ROTATION_STEP
 
 
@@ -95,6 +97,55 @@ def test_what_blocks_is_named_and_what_to_remove():
     assert "bystander" not in error.value.free_without
     assert error.value.free_without == ("cube",)
     assert "'cube'" in error.value.reason
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_fewest_bodies_are_named(seed):
+    """Of eight boxes three stand in one door, two in the other and three in the open: those two have to go."""
+    problem = two_doors_problem()
+    with pytest.raises(NoObjectPath) as error:
+        plan(problem, seed)
+    assert sorted(error.value.free_without) == ["b0", "b1"]
+    path = error.value.path_without
+    check_shape_of(path, problem)
+    gone = {"b0", "b1", TABLE.name}
+    standing = [body for body in problem.obstacles if body.name not in gone]
+    assert worst_distance(problem.body, path.poses, standing, radius=0.08) > 0.25 * DEFAULT_MARGIN - SLACK
+    with pytest.raises(NoObjectPath) as again:
+        plan(problem, seed)
+    assert again.value.free_without == error.value.free_without
+    np.testing.assert_array_equal(again.value.path_without.poses, path.poses)
+
+
+def test_a_body_at_the_goal_has_to_go():
+    """That is known at once: nothing is searched but the way that is then free."""
+    taken = [box(f"cube{k}", (0.04, 0.04, 0.04), (0.5 + 0.04 * k, 0, 0.07), kind=BodyKind.MOVABLE) for k in range(3)]
+    brick = box("brick", (0.06, 0.06, 0.06), (0, 0, 0))
+    names = frozenset(body.name for body in taken)
+    problem = ObjectPathProblem(brick, pose((0, 0, 0.08)), pose((0.5, 0, 0.08)), (TABLE, *taken), removable=names)
+    with pytest.raises(NoObjectPath) as error:
+        plan(problem)
+    assert error.value.free_without == ("cube0", "cube1")  # the third is 10 mm beyond the goal's edge
+    check_ends_of(error.value.path_without, problem)
+    fixed = ObjectPathProblem(brick, problem.start, problem.goal, problem.obstacles, removable=names - {"cube1"})
+    with pytest.raises(InputError, match="penetrates 'cube1' by 10.0 mm at its goal") as error:
+        plan(fixed)
+    assert error.value.code == Code.GOAL_IN_COLLISION
+
+
+def test_a_closed_tray_is_proven_to_be_closed():
+    """No time is spent on sliding: what is proven to be closed is given up at once, or lifted out of."""
+    sides = [box(f"side{k}", (0.5, 0.02, 0.1), (0, s * 0.24, 0.1)) for k, s in enumerate((-1, 1))]
+    ends = [box(f"end{k}", (0.02, 0.5, 0.1), (s * 0.24, 0, 0.1)) for k, s in enumerate((-1, 1))]
+    cube = box("cube", (0.08, 0.08, 0.08), (0, 0, 0))
+    start, goal = pose((0, 0, 0.09)), pose((0.6, 0.1, 0.09))
+    began = time.monotonic()
+    with pytest.raises(NoObjectPath):
+        plan(ObjectPathProblem(cube, start, goal, (TABLE, *sides, *ends), motion="planar"), limit=60.0)
+    assert time.monotonic() - began < 20.0
+    assert plan(ObjectPathProblem(cube, start, goal, (TABLE, *sides, *ends))).motion == "spatial"
+    gate = (TABLE, *sides, ends[0], box("end1", (0.02, 0.39, 0.1), (0.24, -0.055, 0.1)))  # leaves 85 mm beside side1
+    assert plan(ObjectPathProblem(cube, start, goal, gate, motion="planar"), limit=60.0).motion == "planar"
 
 
 def test_a_wall_that_cannot_be_removed_is_named():

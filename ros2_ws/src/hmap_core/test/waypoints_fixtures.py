@@ -49,3 +49,25 @@ def window_problem():
         (TABLE, *WINDOW),
         motion="spatial",
     )
+
+
+def two_doors_problem():
+    """A room with two doors; three boxes stand in one, two in the other, and three more in the open."""
+    walls = [
+        box("between", (0.05, 0.8, 0.3), (0, 0, 0.2)),
+        *(box(f"wall{s}", (0.05, 0.5, 0.3), (0, s * 0.75, 0.2)) for s in (-1, 1)),
+        *(box(f"side{s}", (2.0, 0.05, 0.3), (0, s, 0.2)) for s in (-1, 1)),
+        *(box(f"end{s}", (0.05, 2.0, 0.3), (s, 0, 0.2)) for s in (-1, 1)),
+    ]
+    places = {f"a{k}": (0.1 * k - 0.1, -0.45, 0.1) for k in range(3)}
+    places |= {f"b{k}": (0.1 * k - 0.05, 0.45, 0.1) for k in range(2)}
+    places |= {f"c{k}": (-0.5, 0.3 * k - 0.3, 0.1) for k in range(3)}
+    boxes = [box(name, (0.08, 0.08, 0.1), at, kind=BodyKind.MOVABLE) for name, at in places.items()]
+    return ObjectPathProblem(
+        box("brick", (0.07, 0.07, 0.1), (0, 0, 0)),
+        pose((-0.6, -0.1, 0.1)),
+        pose((0.6, -0.1, 0.1)),
+        (TABLE, *walls, *boxes),
+        motion="planar",
+        removable=frozenset(places),
+    )

@@ -12,7 +12,7 @@ from hmap_core.types import Body
 from hmap_core.validation import rigid
 from hmap_core.validation.geometry import Gauge, box_gap, solid, transform
 from hmap_core.waypoints import ObjectPathProblem
-from hmap_core.waypoints.plan import find_corners
+from hmap_core.waypoints.search import find_corners
 
 TIME_LIMIT = 60.0  # s
 SEED = 0  # of the search

@@ -109,6 +109,7 @@ class ObjectChecker:
         self._keep(margin)
 
     def _keep(self, margin: float) -> None:
+        self.margin = margin
         self.contact = self._ends < margin  # (SB,) touched, or nearly, at an end
         self.required = np.maximum(np.minimum(margin, self._ends - CONTACT_SLACK), -PENETRATION_ALLOWED)
         self.blocked = np.zeros(len(self._ends), np.int64)  # how often each shape stopped a motion
@@ -195,9 +196,15 @@ def recentred(problem: ObjectPathProblem, middle: np.ndarray) -> ObjectPathProbl
     return replace(problem, body=replace(problem.body, shapes=shapes), start=start, goal=goal)
 
 
-def check_ends(problem: ObjectPathProblem, geometry: Geometry) -> None:
-    """Raise InputError when the body penetrates something at its start or its goal by more than PENETRATION_ALLOWED."""
+def check_ends(problem: ObjectPathProblem) -> frozenset[str]:
+    """Removable bodies that the body penetrates at its goal by more than PENETRATION_ALLOWED.
+
+    Raises:
+        InputError: START_IN_COLLISION or GOAL_IN_COLLISION when it penetrates others, or any at its start.
+    """
+    geometry = Geometry(problem)
     shapes = geometry.obstacles
+    taken: set[str] = set()
     for name, T, code in (
         ("start", problem.start, Code.START_IN_COLLISION),
         ("goal", problem.goal, Code.GOAL_IN_COLLISION),
@@ -208,6 +215,9 @@ def check_ends(problem: ObjectPathProblem, geometry: Geometry) -> None:
         for owner, d in zip(shapes.owner, out, strict=True):
             if d < -PENETRATION_ALLOWED:
                 deep[owner] = max(deep.get(owner, 0.0), -float(d))
+        if code == Code.GOAL_IN_COLLISION:
+            taken = {owner for owner in deep if owner in problem.removable}
+            deep = {owner: depth for owner, depth in deep.items() if owner not in taken}
         if deep:
             what = ", ".join(f"'{n}' by {1e3 * d:.1f} mm" for n, d in sorted(deep.items(), key=lambda i: -i[1]))
             raise InputError(
@@ -215,6 +225,7 @@ def check_ends(problem: ObjectPathProblem, geometry: Geometry) -> None:
                 f"at most {1e3 * PENETRATION_ALLOWED:g} mm is allowed",
                 code,
             )
+    return frozenset(taken)
 
 
 def flattened(problem: ObjectPathProblem, T: np.ndarray) -> np.ndarray:

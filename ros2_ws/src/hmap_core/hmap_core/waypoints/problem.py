@@ -87,9 +87,17 @@ class NoObjectPath(WaypointError):
     Attributes:
         blockers: bodies in the way: those on the straight way, then those the search ran into, the most often first.
         free_without: the removable bodies without which a path exists, or None when there is none even so.
+        path_without: the path that is free when they have gone, or None when it is not known.
     """
 
-    def __init__(self, reason: str, blockers: tuple[str, ...], free_without: tuple[str, ...] | None):
+    def __init__(
+        self,
+        reason: str,
+        blockers: tuple[str, ...],
+        free_without: tuple[str, ...] | None,
+        path_without: ObjectPath | None = None,
+    ):
         super().__init__(reason)
         self.blockers = blockers
         self.free_without = free_without
+        self.path_without = path_without
