@@ -57,9 +57,7 @@ class Execution:
         world: the simulation.
     """
 
-    def __init__(
-        self, plan: Plan, world: SimulatedWorld | None = None, places: Mapping[str, np.ndarray] | None = None
-    ):
+    def __init__(self, plan: Plan, world: SimulatedWorld | None = None, places: Mapping[str, np.ndarray] | None = None):
         """Set the scene up, or go on in a world in which everything is where the plan begins.
 
         Args:
