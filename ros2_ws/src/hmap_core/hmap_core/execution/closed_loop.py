@@ -16,8 +16,6 @@ from hmap_core.execution.watcher import STAY_LIMIT, planned_motion
 from hmap_core.simulation.world import SimulatedWorld
 from hmap_core.types import Plan, SceneState
 
-MAX_REPLANS = 3  # new plans that are asked for in one execution
-
 Replanner = Callable[[SceneState, int], Plan]  # from a state, the how-manieth new plan it is (1, 2, ...); or HmapError
 Between = Callable[[SimulatedWorld, Stretch], None]
 
@@ -80,7 +78,7 @@ class ClosedLoopReport:
 def execute_closed_loop(
     plan: Plan,
     replan: Replanner,
-    max_replans: int = MAX_REPLANS,
+    max_replans: int,
     tolerance: DriftTolerance | None = None,
     on_progress: Progress | None = None,
     between: Between | None = None,
