@@ -34,7 +34,9 @@ def drift_reason(
     for name, pose in planned.items():
         distance, angle = transforms.distance(pose, measured[name])
         share = max(distance / allowed.position, angle / allowed.rotation)
-        if not share <= worst:  # nor when not a number
+        if not np.isfinite(share):
+            share = np.inf  # a pose that is not a number is as far off as can be
+        if share > worst:
             worst = share
             reason = (
                 f"'{name}' is {distance * 1e3:.1f} mm and {np.rad2deg(angle):.1f} deg off the plan; "
