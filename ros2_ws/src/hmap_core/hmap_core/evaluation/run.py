@@ -1,5 +1,6 @@
 """Does one trial in this process: plans, judges, executes."""
 
+import contextlib
 import json
 import time
 from dataclasses import asdict, replace
@@ -22,10 +23,8 @@ VIOLATIONS_TOLD = 3
 def warm_up(trial: Trial) -> None:
     """Plan the trial's task with another seed, so that everything is loaded, and compiled, when the clock starts."""
     seed = WARM_UP_SEED + trial.seed
-    try:
+    with contextlib.suppress(Exception):  # it is only to load what planning needs, and says nothing about the trial
         planner.plan(load_scene(trial.task, seed), seed=seed, time_limit=trial.time_limit)
-    except HmapError:
-        pass  # it was only to load what planning needs
 
 
 def run_trial(trial: Trial) -> TrialResult:
