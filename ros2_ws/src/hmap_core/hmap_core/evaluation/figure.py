@@ -31,11 +31,21 @@ def draw(results: dict[str, Sequence[TrialResult]], file: Path) -> None:
         rates.barh(k - 0.18, 100.0 * task.valid / n, 0.34, color="tab:blue", label=None if k else "valid")
         rates.barh(k + 0.18, 100.0 * task.solved / n, 0.34, color="tab:green", label=None if k else "solved")
         rates.text(101.0, k, f"{task.solved} of {len(task.trials)}", va="center", fontsize=8)
-    times.set(xscale="log", xlabel="planning time, s (bar: median)")
+    times.set(xscale="log", xlabel="planning time, s (bar: median)", **_decades(tasks))
+    times.xaxis.set_major_formatter("{x:g}")
     times.set_yticks(range(len(tasks)), list(tasks))
     times.invert_yaxis()
     times.grid(axis="x", alpha=0.3)
-    rates.set(xlim=(0.0, 118.0), xlabel="trials, %")
+    rates.set(xlim=(0.0, 128.0), xlabel="trials, %")
     rates.legend(loc="upper left", bbox_to_anchor=(0.0, -0.12 - 0.2 / len(tasks)), ncols=2, frameon=False, fontsize=8)
     figure.savefig(file, dpi=150)
     pyplot.close(figure)
+
+
+def _decades(tasks: dict[str, TaskSummary]) -> dict[str, tuple[float, float]]:
+    """Limits of the axis of times: whole powers of ten round all of them."""
+    found = [time for task in tasks.values() for time in task.planning_times]
+    if not found:
+        return {}
+    low, high = np.floor(np.log10(min(found))), np.ceil(np.log10(max(found)))
+    return {"xlim": (10.0**low, 10.0 ** max(high, low + 1.0))}
