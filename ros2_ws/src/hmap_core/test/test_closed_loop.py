@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from plan_fixtures import Writer, drag_plan
+from plan_fixtures import Writer, drag_plan, tool_push_plan
 from planner_fixtures import carry
 from simulation_fixtures import HOME, box, scene
 
@@ -13,6 +13,7 @@ from hmap_core.evaluation.replanning import replanner
 from hmap_core.exceptions import Code, MotionError
 from hmap_core.execution.closed_loop import execute_closed_loop
 from hmap_core.execution.execute import execute
+from hmap_core.execution.stretches import stretches
 from hmap_core.planner.assembly import scene_at
 from hmap_core.types import Goal, Plan, Scene, SceneState, SegmentKind
 
@@ -155,6 +156,14 @@ def test_what_slips_is_let_go_before_planning_anew():
     assert replan.states[0].gripper["left"] > 0.079 and replan.states[0].poses["box"][2] == pytest.approx(
         0.03, abs=1e-3
     )
+
+
+def test_a_tool_is_let_go_before_planning_anew():
+    plan = tool_push_plan(Goal("box", transforms.pose((0.45, 0.15, 0.03))))
+    replan = Replanner(plan, fail=1)
+    report = execute_closed_loop(plan, replan, 1)
+    assert "from its goal" in report.replans[0].reason and not any(s.free for s in stretches(plan)[3:])
+    assert replan.states[0].gripper["left"] > 0.079 and replan.states[0].poses["stick"][2] < 0.021
 
 
 def test_planning_is_tried_again_and_no_oftener_than_allowed(regrasped):

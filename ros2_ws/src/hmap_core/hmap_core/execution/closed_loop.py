@@ -153,9 +153,19 @@ class _ClosedLoop:
                         return stretch.last, None, reason
             except ExecutionError as failure:
                 return self._failed(execution, stretch, failure)
+        return self._ended(execution)
+
+    def _ended(self, execution: Execution) -> tuple[int, ExecutionReport, str]:
+        """The plan was followed to its end: another one is needed where the object missed its goal."""
+        last = execution.stretches[-1]
         report = execution.report()
-        missed = report.code is Code.GOAL_MISSED and not report.moved
-        return execution.stretches[-1].last, report, report.reason if missed and self._may_replan else ""
+        if report.code is not Code.GOAL_MISSED or report.moved or not self._may_replan:
+            return last.last, report, ""
+        try:
+            execution.let_go(last)
+        except ExecutionError as late:
+            return last.last, execution.report(late), ""
+        return last.last, report, report.reason
 
     def _drift(self, plan: Plan, sample: int) -> str | None:
         return drift_reason(planned_poses(plan, sample), self._world.state().poses, self._tolerance)
