@@ -31,7 +31,7 @@ LAYERS = (
     {"komo", "validation"},
     {"waypoints", "contacts", "execution"},
     {"planner"},
-    {"benchmark", "viz"},
+    {"benchmark", "evaluation", "viz"},
     {"precompile"},
     {"cli"},
     {"__main__"},

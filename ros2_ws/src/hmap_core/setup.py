@@ -15,6 +15,7 @@ setup(
         "coacd",
         "coal",
         "hmap_scenes",
+        "joblib",
         "matplotlib",
         "numba",
         "numpy",
@@ -27,7 +28,7 @@ setup(
         "toppra",
         "trimesh",
     ],
-    extras_require={"bench": ["robotic==0.4.2"]},
+    extras_require={"bench": ["robotic==0.4.2"], "dask": ["dask[distributed]"]},
     packages=find_packages(exclude=["test"]),
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),

@@ -2,13 +2,13 @@
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from simulation_fixtures import HOME, panda_model
+from simulation_fixtures import HOME, box, panda_model, scene
 
 from hmap_core import transforms
 from hmap_core.execution.timing import time_parameterise
 from hmap_core.simulation.client import BulletClient
 from hmap_core.simulation.robots import SimulatedRobot
-from hmap_core.types import Plan, Robot, Scene, Segment, SegmentKind, Trajectory
+from hmap_core.types import BodyKind, Goal, Plan, Robot, Scene, Segment, SegmentKind, Trajectory
 
 DT = 0.02
 DOWN = (1.0, 0.0, 0.0, 0.0)  # approach axis down, closing axis along y
@@ -125,3 +125,29 @@ def drag_plan(scene: Scene, body: str, width: float, by, lift: float = 0.0, offs
     w.move(target + [0, 0, 0.15])
     w.segment(start, SegmentKind.TRANSIT)
     return w.plan()
+
+
+def tool_push_plan(goal: Goal) -> Plan:
+    """Grasp a stick, push a box 8 cm with it, draw back with the stick still in the hand."""
+    stick = box("stick", (0.3, 0.04, 0.04), (0.35, -0.1, 0.02), BodyKind.TOOL, mass=0.15)
+    target = box("box", (0.06, 0.06, 0.06), (0.45, 0.0, 0.03))
+    w = Writer(scene(target, stick, goal=goal))
+    grasp = np.array([0.3, -0.1, 0.02])
+    w.move(grasp + [0, 0, 0.15])
+    w.move(grasp)
+    w.grip(0.04)
+    w.segment(0.0, SegmentKind.TRANSIT)
+    start = w.time
+    w.move(grasp + [0, 0, 0.005], "stick")
+    w.move(grasp + [0, 0.05, 0.005], "stick")
+    w.segment(start, SegmentKind.GRASP, "stick")
+    start = w.time
+    w.move(grasp + [0, 0.13, 0.005], "stick")
+    w.segments.append(Segment(start, w.time, "left", "stick", "box", SegmentKind.PUSH))
+    start = w.time
+    w.move(grasp + [0, 0.10, 0.0], "stick")
+    w.segments.append(Segment(start, w.time, "left", "stick", None, SegmentKind.TRANSIT))
+    plan = w.plan()
+    front = np.maximum.accumulate(plan.trajectory.objects["stick"][:, 1]) + 0.05
+    plan.trajectory.objects["box"][:, 1] = np.maximum(plan.trajectory.objects["box"][:, 1], front)
+    return plan

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plan_fixtures import DT, Writer, drag_plan
+from plan_fixtures import DT, drag_plan, tool_push_plan
 from simulation_fixtures import box, scene
 
 from hmap_core import transforms
@@ -184,28 +184,7 @@ def test_no_stretch_is_cut_while_an_arm_moves(dragged):
 
 
 def test_a_tool_stays_gripped_while_it_pushes():
-    stick = box("stick", (0.3, 0.04, 0.04), (0.35, -0.1, 0.02), BodyKind.TOOL, mass=0.15)
-    target = box("box", SIZE, (0.45, 0.0, 0.03))
-    goal = Goal("box", transforms.pose((0.45, 0.08, 0.03)))
-    w = Writer(scene(target, stick, goal=goal))
-    grasp = np.array([0.3, -0.1, 0.02])
-    w.move(grasp + [0, 0, 0.15])
-    w.move(grasp)
-    w.grip(0.04)
-    w.segment(0.0, SegmentKind.TRANSIT)
-    start = w.time
-    w.move(grasp + [0, 0, 0.005], "stick")
-    w.move(grasp + [0, 0.05, 0.005], "stick")
-    w.segment(start, SegmentKind.GRASP, "stick")
-    start = w.time
-    w.move(grasp + [0, 0.13, 0.005], "stick")
-    w.segments.append(Segment(start, w.time, "left", "stick", "box", SegmentKind.PUSH))
-    start = w.time
-    w.move(grasp + [0, 0.10, 0.0], "stick")
-    w.segments.append(Segment(start, w.time, "left", "stick", None, SegmentKind.TRANSIT))
-    plan = w.plan()
-    front = np.maximum.accumulate(plan.trajectory.objects["stick"][:, 1]) + 0.05
-    plan.trajectory.objects["box"][:, 1] = np.maximum(plan.trajectory.objects["box"][:, 1], front)
+    plan = tool_push_plan(Goal("box", transforms.pose((0.45, 0.08, 0.03))))
     report = execute(plan)
     assert report.solved, report.reason
     assert [d.object for d in report.drift] == ["stick", "box"]

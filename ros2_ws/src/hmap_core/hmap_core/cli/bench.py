@@ -1,92 +1,22 @@
-"""``hmap bench komo``: our KOMO against RAI's, on the same instances, before the same judge."""
+"""``hmap bench WHAT``: measurements; each has a module of its own."""
 
 import argparse
-import json
-import sys
-from pathlib import Path
 
-from hmap_core.exceptions import InputError
+from hmap_core.cli import bench_komo, bench_tasks
 
-HELP = "measure the optimiser against its peer, RAI's KOMO"
-WHAT = ("komo",)
-INSTANCES = 50
-SHOWN = 5  # false accepts that are described for each side
+HELP = "measure: tasks (how often they are solved, how fast) or komo (the optimiser against RAI's)"
+WHAT = {"komo": bench_komo, "tasks": bench_tasks}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("what", choices=WHAT, help="what is measured")
-    parser.add_argument("--problems", nargs="+", default=[], metavar="NAME", help="only these problems (all)")
-    parser.add_argument("--instances", type=_count, default=INSTANCES, metavar="N", help=f"of each ({INSTANCES})")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file, too")
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the times into this picture")
-    parser.add_argument(
-        "--scaling", type=Path, metavar="FILE", help="instead, draw how our time grows with steps, bodies and joints"
-    )
-    parser.add_argument("--verbose", action="store_true", help="say what is wrong with false accepts")
-
-
-def _count(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not 1 or larger")
-    return value
+    kinds = parser.add_subparsers(metavar="WHAT", required=True)
+    for name, module in WHAT.items():
+        kind = kinds.add_parser(name, help=module.HELP, description=module.HELP)
+        # also after WHAT; where it is not, what stands before it counts
+        kind.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help="show the trace of an error")
+        module.add_arguments(kind)
+        kind.set_defaults(measurement=module)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    for file in (arguments.json, arguments.plot, arguments.scaling):
-        if file is not None and not file.resolve().parent.is_dir():
-            raise InputError(f"'{file}': there is no folder {file.resolve().parent}")
-    from hmap_core.benchmark import measure  # before the numerical libraries are loaded
-
-    measure.one_thread()
-    if arguments.scaling is not None:
-        return _scaling(arguments.scaling, arguments.json)
-    from hmap_core.benchmark import registry, report
-    from hmap_core.benchmark.rai_side import robotic
-
-    problems = registry.find(arguments.problems)
-    robotic()  # says so at once when it is missing
-    results = {}
-    print(*report.heading(), sep="\n", flush=True)
-    for name, problem in problems.items():
-        results[name] = measure.run(problem, arguments.instances, _progress(name, arguments.instances))
-        print(report.row(name, results[name]), flush=True)
-        if arguments.verbose:
-            _describe(results[name])
-    if arguments.json is not None:
-        arguments.json.write_text(json.dumps(report.to_dict(results), indent=2) + "\n", encoding="utf-8")
-    if arguments.plot is not None:
-        report.plot(results, arguments.plot)
-    return 0
-
-
-def _scaling(picture: Path, file: Path | None) -> int:
-    from hmap_core.benchmark import scaling
-
-    data = scaling.run(progress=_say)
-    scaling.draw(data, picture)
-    for axis in ("steps", "obstacles", "joints"):
-        for label, time, claimed in zip(*(data[axis][key] for key in ("labels", "median_ms", "claimed")), strict=True):
-            print(f"{axis:<10}{label:>20}{time:>10.2f} ms{claimed:>5} of {data['instances']}")
-    if file is not None:
-        file.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
-    return 0
-
-
-def _say(text: str) -> None:
-    if sys.stderr.isatty():
-        print(text, file=sys.stderr)
-
-
-def _progress(name: str, n: int):
-    def show(k: int) -> None:
-        if sys.stderr.isatty():
-            print(f"\r{name} {k} of {n} " if k < n else "\r" + " " * (len(name) + 20) + "\r", end="", file=sys.stderr)
-
-    return show
-
-
-def _describe(result) -> None:
-    for side in ("hmap", "rai"):
-        for seed, wrong in getattr(result, side).false_accepts[:SHOWN]:
-            print(f"  {side}, seed {seed}: {'; '.join(wrong)}")
+    return arguments.measurement.run(arguments)

@@ -78,6 +78,14 @@ def natural(text: str) -> int:
     return value
 
 
+def count(text: str) -> int:
+    """An integer, 1 or larger."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not 1 or larger")
+    return value
+
+
 def positive(text: str) -> float:
     """A finite number above 0."""
     value = float(text)

@@ -5,7 +5,7 @@ robot would have: nothing but the joints and the fingers is ever commanded. :cla
 outside one stretch at a time, with :meth:`Execution.observe` between them, by someone who plans again in the middle.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -57,8 +57,13 @@ class Execution:
         world: the simulation.
     """
 
-    def __init__(self, plan: Plan):
-        """Set the scene up.
+    def __init__(self, plan: Plan, world: SimulatedWorld | None = None, places: Mapping[str, np.ndarray] | None = None):
+        """Set the scene up, or go on in a world in which everything is where the plan begins.
+
+        Args:
+            world: one to go on in, which stays open afterwards; None: a new one.
+            places: body -> the pose (7,) from which its motion counts where the plan leaves it alone; None: where the
+                plan begins.
 
         Raises:
             InputError: the plan is kinematic, or inconsistent with its scene.
@@ -66,18 +71,18 @@ class Execution:
         check_executable(plan)
         self.plan = plan
         self.stretches = stretches(plan)
-        self.world = SimulatedWorld(plan.scene)
+        self._lasting = world is not None
+        self.world = world or SimulatedWorld(plan.scene)
         self._arms = {
             name: TrajectoryController(robot.model.joint_names, robot.q, robot.model.acceleration_limits)
             for name, robot in plan.scene.robots.items()
         }
-        start = plan.scene.start_state()
         self._grippers = {
-            name: GripperController(robot.model.gripper, start.gripper[name])
+            name: GripperController(robot.model.gripper, plan.trajectory.gripper[name][0])
             for name, robot in plan.scene.robots.items()
             if robot.model.gripper
         }
-        self._watcher = Watcher(plan, self.world)
+        self._watcher = Watcher(plan, self.world, places)
         self._held: dict[str, str] = {}
         self._tracking_error = 0.0
 
@@ -85,7 +90,13 @@ class Execution:
         return self
 
     def __exit__(self, *_) -> None:
-        self.world.close()
+        if not self._lasting:
+            self.world.close()
+
+    @property
+    def fell(self) -> tuple[str, ...]:
+        """Bodies that have fallen or toppled so far."""
+        return tuple(self._watcher.fell)
 
     def observe(self) -> SceneState:
         """Where everything really is."""
@@ -112,14 +123,37 @@ class Execution:
             self._check_tracking(t)
         self._watcher.mark(stretch.last)
 
+    def settle(self, sample: int) -> None:
+        """Let the bodies come to rest, for END_SETTLE at most; ``sample`` is where the plan is meanwhile.
+
+        Raises:
+            ExecutionError: a body falls.
+        """
+        until = self.world.time + END_SETTLE
+        self._pass(WATCH_PERIOD, sample)
+        while self.world.time < until and self._watcher.fastest() > REST_VELOCITY:
+            self._pass(WATCH_PERIOD, sample)
+
+    def let_go(self, stretch: Stretch) -> None:
+        """In the middle of a stretch: stop the arms, open the grippers that hold something, let all come to rest.
+
+        Raises:
+            ExecutionError: a body falls.
+        """
+        self._stop()
+        for robot in stretch.held:
+            self._grippers[robot].start(self.plan.scene.robots[robot].model.gripper.open_opening)
+        started = self.world.time
+        while self._moving() and self.world.time - started < GRIPPER_WAIT:
+            self._step(stretch.last)
+        self.settle(stretch.last)
+
     def report(self, failure: ExecutionError | None = None) -> ExecutionReport:
         """Stop, let everything come to rest, and judge the outcome."""
-        for arm in self._arms.values():
-            arm.cancel(self.world.time)
-        self._held = {}
+        self._stop()
         end = len(self.plan.trajectory.time) - 1
         try:
-            self._settle(end)
+            self.settle(end)
         except ExecutionError as late:
             failure = failure or late
         goal = self.plan.scene.goal
@@ -212,8 +246,11 @@ class Execution:
         while self.world.time < until:
             self._step(sample)
 
-    def _settle(self, sample: int) -> None:
-        until = self.world.time + END_SETTLE
-        self._pass(WATCH_PERIOD, sample)
-        while self.world.time < until and self._watcher.fastest() > REST_VELOCITY:
-            self._pass(WATCH_PERIOD, sample)
+    def _stop(self) -> None:
+        for arm in self._arms.values():
+            arm.cancel(self.world.time)
+        self._held = {}
+
+    def _moving(self) -> bool:
+        """Whether an arm or a gripper is still told to move."""
+        return any(arm.moving for arm in self._arms.values()) or any(g.active for g in self._grippers.values())

@@ -19,12 +19,17 @@ class Stretch:
     Attributes:
         held: robot -> the body that it grips throughout.
         label: what happens, for people.
+        touched: bodies that are moved by contact meanwhile.
+        free: nothing is held or touched, and a transit ends with it: all robots have drawn back, so another plan may
+            take over from here.
     """
 
     first: int
     last: int
     held: dict[str, str]
     label: str
+    touched: tuple[str, ...]
+    free: bool
 
 
 def check_executable(plan: Plan) -> None:
@@ -83,11 +88,14 @@ def index_at(time: np.ndarray, t: float) -> int:
 
 
 def _stretch(plan: Plan, first: int, last: int) -> Stretch:
-    middle = 0.5 * (plan.trajectory.time[first] + plan.trajectory.time[last])
+    time = plan.trajectory.time
+    middle = 0.5 * (time[first] + time[last])
     active = [s for s in plan.segments if s.start <= middle <= s.end]
     held = {s.robot: body for s in active if (body := _held_body(plan, s)) is not None}
     label = ", ".join(f"{s.robot}: {s.kind} {s.object or ''}".rstrip() for s in active)
-    return Stretch(first, last, held, label)
+    touched = tuple(s.object for s in active if s.kind is not SegmentKind.TRANSIT)
+    ended = last == len(time) - 1 or any(index_at(time, s.end) == last for s in active)
+    return Stretch(first, last, held, label, touched, free=ended and not held and not touched)
 
 
 def _held_body(plan: Plan, segment: Segment) -> str | None:

@@ -1,5 +1,7 @@
 """Looks at the bodies while a plan is executed: who fell, who moved, who is no longer held, how far all are off it."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from hmap_core import transforms
@@ -22,16 +24,22 @@ class Watcher:
 
     Attributes:
         fell: body -> planned time (s) at which it had fallen or toppled.
-        moved: body that should stay -> the farthest it was from its start (m), where that is too far.
+        moved: body that should stay -> the farthest it was from its place (m), where that is too far.
     """
 
-    def __init__(self, plan: Plan, world: SimulatedWorld):
+    def __init__(self, plan: Plan, world: SimulatedWorld, places: Mapping[str, np.ndarray] | None = None):
+        """
+        Args:
+            places: body -> the pose (7,) at which it should stay if the plan leaves it alone; None: where the plan's
+                scene has it.
+        """
         self.fell: dict[str, float] = {}
         self.moved: dict[str, float] = {}
         self._plan, self._world = plan, world
         self._bodies = [b.name for b in plan.scene.bodies.values() if b.kind is not BodyKind.FIXED]
         self._start = {name: plan.scene.bodies[name].pose for name in self._bodies}
-        self._staying = [name for name in self._bodies if self._planned_motion(name) < STAY_LIMIT]
+        self._places = self._start | dict(places or {})
+        self._staying = [name for name in self._bodies if planned_motion(plan, name) < STAY_LIMIT]
         self._lost_since: dict[str, float] = {}
         self._next_look = 0.0
         self._marks: dict[int, dict[str, Deviation]] = {}
@@ -80,7 +88,7 @@ class Watcher:
     def _look_at(self, name: str, sample: int) -> None:
         pose = self._world.body_pose(name)
         if name in self._staying:
-            distance = float(np.linalg.norm(pose[:3] - self._start[name][:3]))
+            distance = float(np.linalg.norm(pose[:3] - self._places[name][:3]))
             if distance > max(MOVED_LIMIT, self.moved.get(name, 0.0)):
                 self.moved[name] = distance
         planned = self._planned(name, sample)
@@ -107,9 +115,13 @@ class Watcher:
         poses = self._plan.trajectory.objects.get(name)
         return self._start[name] if poses is None else poses[sample]
 
-    def _planned_motion(self, name: str) -> float:
-        poses = self._plan.trajectory.objects.get(name)
-        return 0.0 if poses is None else float(np.linalg.norm(poses[:, :3] - poses[0, :3], axis=1).max())
+
+def planned_motion(plan: Plan, name: str, end: int | None = None) -> float:
+    """How far (m) a plan moves a body from where it begins, up to a sample (None: to the end of the plan)."""
+    poses = plan.trajectory.objects.get(name)
+    if poses is None:
+        return 0.0
+    return float(np.linalg.norm(poses[:end, :3] - poses[0, :3], axis=1).max(initial=0.0))
 
 
 def deviation(T_planned: np.ndarray, T_actual: np.ndarray) -> Deviation:

@@ -1,0 +1,85 @@
+"""``hmap bench tasks``: how often the tasks are solved, and how fast, over many seeds."""
+
+import argparse
+import json
+import sys
+import time
+from itertools import groupby
+from pathlib import Path
+
+from hmap_core.cli.main import count, natural, positive
+from hmap_core.cli.plan import DEFAULT_TIME_LIMIT, check_writable
+from hmap_core.evaluation.trial import DEFAULT_REPLANS, Trial, TrialResult
+from hmap_core.exceptions import InputError
+
+HELP = "plan tasks with many seeds, let the judge check the plans, execute them, and say how many are solved"
+SEEDS = 10
+TOLD = 160  # characters of a reason in the line of a trial
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--tasks", nargs="+", default=[], metavar="TASK", help="names or task files (all of the set)")
+    parser.add_argument("--published", action="store_true", help="the tasks with the published geometry")
+    parser.add_argument("--seeds", type=count, default=SEEDS, metavar="N", help=f"how many for each task ({SEEDS})")
+    parser.add_argument("--first-seed", type=natural, default=0, metavar="S", help="the first of them (0)")
+    limit = f"for each planning ({DEFAULT_TIME_LIMIT:g})"
+    parser.add_argument("--time-limit", type=positive, default=DEFAULT_TIME_LIMIT, metavar="SECONDS", help=limit)
+    replans = f"new plans that an execution may ask for ({DEFAULT_REPLANS})"
+    parser.add_argument("--replans", type=natural, default=DEFAULT_REPLANS, metavar="N", help=replans)
+    parser.add_argument("--jobs", type=count, metavar="J", help="trials at once (one on each core)")
+    parser.add_argument("--dask", metavar="ADDRESS", help="do them on the cluster of this Dask scheduler")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file, too")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="write tasks.json, tasks.md and tasks.png to this folder"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    if arguments.json:
+        check_writable(arguments.json)
+    if arguments.out:
+        _make_folder(arguments.out)
+    from hmap_core.evaluation import summary, trials  # slow to import, and not needed to refuse a path
+
+    wanted = [
+        Trial(task, seed, arguments.time_limit, arguments.replans)
+        for task in trials.task_names(arguments.tasks, arguments.published)
+        for seed in range(arguments.first_seed, arguments.first_seed + arguments.seeds)
+    ]
+    found = trials.run_trials(wanted, arguments.jobs or -1, arguments.dask, _Progress(len(wanted)))
+    pairs = groupby(zip(wanted, found, strict=True), key=lambda pair: pair[0].name)
+    results = {name: [result for _, result in group] for name, group in pairs}
+    print(*summary.table(results), sep="\n")
+    document = json.dumps(summary.to_dict(results), indent=2) + "\n"
+    if arguments.json:
+        arguments.json.write_text(document, encoding="utf-8")
+    if arguments.out:
+        from hmap_core.evaluation.figure import draw  # slow to import, and seldom needed
+
+        (arguments.out / "tasks.json").write_text(document, encoding="utf-8")
+        (arguments.out / "tasks.md").write_text("\n".join(summary.markdown(results)) + "\n", encoding="utf-8")
+        draw(results, arguments.out / "tasks.png")
+    return 0 if all(result.solved for result in found) else 1
+
+
+def _make_folder(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be made a folder: {error.strerror}") from error
+
+
+class _Progress:
+    """A line on standard error for every trial that has ended."""
+
+    def __init__(self, total: int):
+        self._began, self._total, self._done = time.monotonic(), total, 0
+
+    def __call__(self, trial: Trial, result: TrialResult) -> None:
+        self._done += 1
+        planned = "" if result.planning_s is None else f", planning {result.planning_s:.2f} s"
+        replans = f", {result.replans} new plans" if result.replans else ""
+        verdict = "solved" if result.solved else f"not solved: {' '.join(result.reason.split())[:TOLD]}"
+        now = time.monotonic() - self._began
+        head = f"[{now:7.1f} s] {self._done} of {self._total}"
+        print(f"{head}  {trial.name}, seed {trial.seed}{planned}{replans}: {verdict}", file=sys.stderr, flush=True)

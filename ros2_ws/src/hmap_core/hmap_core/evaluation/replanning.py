@@ -1,0 +1,23 @@
+"""New plans during an execution, by the planner in this process."""
+
+import numpy as np
+
+from hmap_core import planner
+from hmap_core.execution.closed_loop import Replanner
+from hmap_core.types import Plan, Scene, SceneState
+
+
+def replanner(scene: Scene, seed: int, time_limit: float) -> Replanner:
+    """What :func:`hmap_core.execution.closed_loop.execute_closed_loop` asks for new plans.
+
+    Args:
+        scene: the task, with its goal.
+        seed: every new plan has one of its own that follows from it.
+        time_limit: seconds of wall-clock time for each.
+    """
+
+    def replan(state: SceneState, attempt: int) -> Plan:
+        own = int(np.random.SeedSequence((seed, attempt)).generate_state(1)[0])
+        return planner.plan(scene, state, seed=own, time_limit=time_limit)
+
+    return replan

@@ -1,0 +1,84 @@
+"""Does one trial in this process: plans, judges, executes."""
+
+import contextlib
+import json
+import time
+from dataclasses import asdict, replace
+
+from hmap_core import planner
+from hmap_core.evaluation.replanning import replanner
+from hmap_core.evaluation.trial import Trial, TrialResult
+from hmap_core.exceptions import HmapError
+from hmap_core.execution.closed_loop import execute_closed_loop
+from hmap_core.plan_file import to_dict
+from hmap_core.scenes import load_scene
+from hmap_core.types import Plan, TaskMode
+from hmap_core.validation import check
+from hmap_core.validation.report import Report
+
+WARM_UP_SEED = 10**6  # added to a trial's seed: what is planned before the clock runs is never a trial itself
+VIOLATIONS_TOLD = 3
+
+
+def warm_up(trial: Trial) -> None:
+    """Plan the trial's task with another seed, so that everything is loaded, and compiled, when the clock starts."""
+    seed = WARM_UP_SEED + trial.seed
+    with contextlib.suppress(Exception):  # it is only to load what planning needs, and says nothing about the trial
+        planner.plan(load_scene(trial.task, seed), seed=seed, time_limit=trial.time_limit)
+
+
+def run_trial(trial: Trial) -> TrialResult:
+    """Do a trial; whatever goes wrong becomes the reason of its result."""
+    try:
+        return _run(trial)
+    except HmapError as error:
+        return TrialResult(trial.seed, reason=str(error))
+    except Exception as error:  # an error of ours must not lose the other trials
+        return TrialResult(trial.seed, reason=f"[internal/INTERNAL] {type(error).__name__}: {error}")
+
+
+def _run(trial: Trial) -> TrialResult:
+    scene = load_scene(trial.task, trial.seed)
+    wall, cpu = time.perf_counter(), time.process_time()
+    try:
+        plan = planner.plan(scene, seed=trial.seed, time_limit=trial.time_limit)
+    except HmapError as error:
+        return TrialResult(
+            trial.seed, reason=str(error), planning_s=time.perf_counter() - wall, cpu_s=time.process_time() - cpu
+        )
+    planned = _planned(trial, plan, time.process_time() - cpu)
+    report = check(json.loads(json.dumps(to_dict(plan))))  # as a file would have it
+    planned = replace(planned, valid=report.valid, goal_error=report.goal_error)
+    if not report.valid:
+        return replace(planned, reason=_violations(report))
+    if scene.mode is TaskMode.KINEMATIC:
+        return replace(planned, solved=True)
+    return _executed(trial, plan, planned)
+
+
+def _planned(trial: Trial, plan: Plan, cpu_s: float) -> TrialResult:
+    counts = {key: plan.stats.get(key) for key in ("waypoints", "contact_tries", "mode_switches")}
+    return TrialResult(
+        trial.seed, planning_s=plan.stats["planning_time_s"], cpu_s=cpu_s, segments=len(plan.segments),
+        duration_s=float(plan.trajectory.time[-1]), **counts,
+    )  # fmt: skip
+
+
+def _violations(report: Report) -> str:
+    told = [f"{v.kind} of {', '.join(v.bodies)} at {v.time:.2f} s" for v in report.violations[:VIOLATIONS_TOLD]]
+    more = len(report.violations) - len(told)
+    return "not valid: " + "; ".join(told + ([f"{more} more"] if more else []))
+
+
+def _executed(trial: Trial, plan: Plan, planned: TrialResult) -> TrialResult:
+    replan = replanner(plan.scene, trial.seed, trial.time_limit)
+    report = execute_closed_loop(plan, replan, trial.max_replans)
+    return replace(
+        planned,
+        executed=True,
+        solved=report.solved,
+        reason=report.reason,
+        replans=len(report.replans),
+        replan_reasons=tuple(replan.reason for replan in report.replans),
+        goal_error=asdict(report.goal_error),
+    )

@@ -1,0 +1,67 @@
+"""The measured state of a world, freed of what is noise: what a new plan can start from.
+
+Bodies at rest are found a fraction of a millimetre inside of what carries them and a fraction of a degree tilted, and
+joints a little beside where they are held. Where that is all, the planned value is the better one: it is known to be
+stable and free. What has really changed stays as it was measured.
+"""
+
+import numpy as np
+
+from hmap_core.transforms import pose, quaternion_multiply
+from hmap_core.types import BodyKind, Plan, Scene, SceneState
+
+HEIGHT_NOISE = 0.001  # m of height that a body may be off where it is planned
+TILT_NOISE = float(np.deg2rad(0.5))  # rad of tilt, likewise
+JOINT_NOISE = 0.005  # rad that a joint may be off where it is held
+OPENING_NOISE = 0.001  # m that fingers may be off where they are held
+
+
+def planned_state(plan: Plan, sample: int) -> SceneState:
+    """Where a plan has everything at one of its samples."""
+    trajectory = plan.trajectory
+    state = plan.scene.start_state()
+    state.q.update({name: q[sample].copy() for name, q in trajectory.joints.items()})
+    state.gripper.update({name: float(opening[sample]) for name, opening in trajectory.gripper.items()})
+    state.poses.update({name: poses[sample].copy() for name, poses in trajectory.objects.items()})
+    return state
+
+
+def planned_poses(plan: Plan, sample: int) -> dict[str, np.ndarray]:
+    """The poses (7,) that a plan has its movable bodies at, at one of its samples."""
+    poses = planned_state(plan, sample).poses
+    return {name: poses[name] for name in movable_bodies(plan.scene)}
+
+
+def movable_bodies(scene: Scene) -> list[str]:
+    """Names of the bodies that can move."""
+    return [name for name, body in scene.bodies.items() if body.kind is not BodyKind.FIXED]
+
+
+def without_noise(scene: Scene, measured: SceneState, planned: SceneState) -> SceneState:
+    """The measured state, with the planned value wherever the two differ by no more than noise.
+
+    Of a body these are height and tilt, if both are noise; its place and its turn about the vertical stay as measured.
+    Fixed bodies are where the scene has them. Joints and fingers are brought into their limits.
+    """
+    poses = {name: body.pose.copy() for name, body in scene.bodies.items()}
+    for name in movable_bodies(scene):
+        poses[name] = upright(measured.poses[name], planned.poses[name])
+    q, gripper = {}, {}
+    for name, robot in scene.robots.items():
+        near = np.abs(measured.q[name] - planned.q[name]) <= JOINT_NOISE
+        q[name] = np.clip(np.where(near, planned.q[name], measured.q[name]), *robot.model.position_limits)
+        hand, opening = robot.model.gripper, measured.gripper[name]
+        if abs(opening - planned.gripper[name]) <= OPENING_NOISE:
+            opening = planned.gripper[name]
+        gripper[name] = float(np.clip(opening, hand.min_opening, hand.open_opening)) if hand else opening
+    return SceneState(q, gripper, poses)
+
+
+def upright(T_measured: np.ndarray, T_planned: np.ndarray) -> np.ndarray:
+    """A measured pose (7,) with the planned height and tilt, where it differs from them by no more than noise."""
+    x, y, z, w = quaternion_multiply(T_measured[3:], T_planned[3:] * [-1.0, -1.0, -1.0, 1.0])
+    tilt = 2.0 * np.arctan2(np.hypot(x, y), np.hypot(z, w))
+    if not (abs(T_measured[2] - T_planned[2]) <= HEIGHT_NOISE and tilt <= TILT_NOISE):
+        return T_measured.copy()
+    turn = np.array([0.0, 0.0, z, w]) / np.hypot(z, w)  # the part about the vertical (swing and twist)
+    return pose([*T_measured[:2], T_planned[2]], quaternion_multiply(turn, T_planned[3:]))
