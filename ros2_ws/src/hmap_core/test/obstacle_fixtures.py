@@ -66,3 +66,54 @@ def gap(folder: Path, removable: dict | None = None, **options) -> Scene:
     removable = {"one": None, "two": None} if removable is None else removable
     start, goal = (0.5, 0.05, 0.04), (0.5, 0.45, 0.04)
     return task(folder, "Through the gap.", WALLS, boxes, removable, start, goal, **options)
+
+
+def tower(folder: Path, **options) -> Scene:
+    """A brick whose goal is taken by a box that carries another one."""
+    boxes = {"lower": ((0.06, 0.06, 0.06), (0.5, 0.25, 0.03)), "upper": ((0.05, 0.05, 0.05), (0.5, 0.25, 0.085))}
+    removable = {"lower": None, "upper": None}
+    start, goal = (0.5, -0.1, 0.04), (0.5, 0.25, 0.04)
+    return task(folder, "Where a tower stands.", {}, boxes, removable, start, goal, **options)
+
+
+def corridor(folder: Path, **options) -> Scene:
+    """A brick whose place is at the end of a roofed corridor, behind two boxes one after the other."""
+    walls = {
+        "left": ((0.20, 0.03, 0.12), (0.70, -0.055, 0.06)),
+        "right": ((0.20, 0.03, 0.12), (0.70, 0.055, 0.06)),
+        "roof": ((0.20, 0.14, 0.03), (0.70, 0.0, 0.135)),
+    }
+    boxes = {"inner": ((0.05, 0.05, 0.08), (0.69, 0.0, 0.04)), "outer": ((0.05, 0.05, 0.08), (0.63, 0.0, 0.04))}
+    removable = {"inner": None, "outer": None}
+    start, goal = (0.45, -0.3, 0.04), (0.69, 0.0, 0.04)
+    return task(folder, "Into the corridor.", walls, boxes, removable, start, goal, mode="kinematic", **options)
+
+
+def crowded(folder: Path, **options) -> Scene:
+    """A brick between boxes that leave no room for a hand beside it, nor above it for long."""
+    place = (0.5, 0.0)
+    boxes = {
+        name: ((0.05, 0.05, 0.08), (place[0] + dx, place[1] + dy, 0.04))
+        for name, dx, dy in (("east", 0.06, 0.0), ("west", -0.06, 0.0), ("north", 0.0, 0.06), ("south", 0.0, -0.06))
+    }
+    removable = dict.fromkeys(boxes)
+    return task(folder, "Out of the crowd.", {}, boxes, removable, (*place, 0.04), (0.4, 0.35, 0.04), **options)
+
+
+def eight(folder: Path, **options) -> Scene:
+    """A brick whose place is taken by two of eight boxes."""
+    at = [(0.45, 0.30), (0.51, 0.30), (0.35, -0.35), (0.45, -0.35), (0.55, -0.35), (0.65, -0.2), (0.65, 0.0), (0.3, 0.45)]
+    boxes = {f"box_{k}": ((0.05, 0.05, 0.08), (x, y, 0.04)) for k, (x, y) in enumerate(at)}
+    removable = dict.fromkeys(boxes)
+    return task(folder, "Among eight.", {}, boxes, removable, (0.45, -0.1, 0.04), (0.48, 0.30, 0.04), **options)
+
+
+def heavy_slab(folder: Path, **options) -> Scene:
+    """A brick whose place is taken by a slab too wide for any gripper, in the middle of a pit that it fills."""
+    boxes = {"slab": ((0.16, 0.16, 0.08), (0.5, 0.25, 0.04))}
+    walls = {
+        "south": ((0.24, 0.03, 0.08), (0.5, 0.15, 0.04)), "north": ((0.24, 0.03, 0.08), (0.5, 0.35, 0.04)),
+        "west": ((0.03, 0.16, 0.08), (0.4, 0.25, 0.04)), "east": ((0.03, 0.16, 0.08), (0.6, 0.25, 0.04)),
+    }  # fmt: skip
+    start, goal = (0.5, -0.1, 0.04), (0.5, 0.25, 0.04)
+    return task(folder, "Into the pit.", walls, boxes, {"slab": None}, start, goal, **options)
