@@ -79,13 +79,14 @@ def tower(folder: Path, **options) -> Scene:
 def corridor(folder: Path, **options) -> Scene:
     """A brick whose place is at the end of a roofed corridor, behind two boxes one after the other."""
     walls = {
-        "left": ((0.20, 0.03, 0.12), (0.70, -0.055, 0.06)),
-        "right": ((0.20, 0.03, 0.12), (0.70, 0.055, 0.06)),
-        "roof": ((0.20, 0.14, 0.03), (0.70, 0.0, 0.135)),
+        "left": ((0.10, 0.03, 0.12), (0.71, -0.055, 0.06)),
+        "right": ((0.10, 0.03, 0.12), (0.71, 0.055, 0.06)),
+        "end": ((0.03, 0.14, 0.12), (0.775, 0.0, 0.06)),
+        "roof": ((0.10, 0.14, 0.03), (0.71, 0.0, 0.135)),
     }
-    boxes = {"inner": ((0.05, 0.05, 0.08), (0.69, 0.0, 0.04)), "outer": ((0.05, 0.05, 0.08), (0.63, 0.0, 0.04))}
+    boxes = {"inner": ((0.05, 0.05, 0.08), (0.695, 0.0, 0.04)), "outer": ((0.05, 0.05, 0.08), (0.63, 0.0, 0.04))}
     removable = {"inner": None, "outer": None}
-    start, goal = (0.45, -0.3, 0.04), (0.69, 0.0, 0.04)
+    start, goal = (0.45, -0.3, 0.04), (0.695, 0.0, 0.04)
     return task(folder, "Into the corridor.", walls, boxes, removable, start, goal, mode="kinematic", **options)
 
 
@@ -102,7 +103,16 @@ def crowded(folder: Path, **options) -> Scene:
 
 def eight(folder: Path, **options) -> Scene:
     """A brick whose place is taken by two of eight boxes."""
-    at = [(0.45, 0.30), (0.51, 0.30), (0.35, -0.35), (0.45, -0.35), (0.55, -0.35), (0.65, -0.2), (0.65, 0.0), (0.3, 0.45)]
+    at = [
+        (0.45, 0.30),
+        (0.51, 0.30),
+        (0.35, -0.35),
+        (0.45, -0.35),
+        (0.55, -0.35),
+        (0.65, -0.2),
+        (0.65, 0.0),
+        (0.3, 0.45),
+    ]
     boxes = {f"box_{k}": ((0.05, 0.05, 0.08), (x, y, 0.04)) for k, (x, y) in enumerate(at)}
     removable = dict.fromkeys(boxes)
     return task(folder, "Among eight.", {}, boxes, removable, (0.45, -0.1, 0.04), (0.48, 0.30, 0.04), **options)
@@ -117,3 +127,18 @@ def heavy_slab(folder: Path, **options) -> Scene:
     }  # fmt: skip
     start, goal = (0.5, -0.1, 0.04), (0.5, 0.25, 0.04)
     return task(folder, "Into the pit.", walls, boxes, {"slab": None}, start, goal, **options)
+
+
+def side_door(folder: Path, **options) -> Scene:
+    """A brick that fits through the side door of a cell; the box in it fits only through the front, where another is."""
+    walls = {
+        "north_1": ((0.015, 0.02, 0.12), (0.6125, 0.048, 0.06)),
+        "north_2": ((0.025, 0.02, 0.12), (0.6925, 0.048, 0.06)),
+        "south": ((0.10, 0.02, 0.12), (0.655, -0.048, 0.06)),
+        "end": ((0.03, 0.116, 0.12), (0.72, 0.0, 0.06)),
+        "roof": ((0.13, 0.116, 0.03), (0.67, 0.0, 0.135)),
+    }
+    boxes = {"inner": ((0.07, 0.07, 0.08), (0.65, 0.0, 0.04)), "outer": ((0.07, 0.07, 0.08), (0.56, 0.0, 0.04))}
+    removable = {"inner": None, "outer": None}
+    start, goal = (0.5, 0.3, 0.04), (0.65, 0.0, 0.04)
+    return task(folder, "In by the side door.", walls, boxes, removable, start, goal, mode="kinematic", **options)

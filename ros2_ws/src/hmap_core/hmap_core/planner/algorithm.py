@@ -15,17 +15,19 @@ from hmap_core.planner.clearing import Clearing, Course, Errand, RemovalError, m
 from hmap_core.planner.interfaces import Backend, Progress, ProgressCallback, RobotContact, SegmentMotion
 from hmap_core.planner.local import LocalBackend
 from hmap_core.planner.motion import standing_collision
-from hmap_core.planner.obstruction import CONTACT_ROOM, Considerate, in_motion, met, on_path, overlapping, without
+from hmap_core.planner.obstruction import CONTACT_ROOM, Considerate, in_motion, met, without
 from hmap_core.planner.sweep import motion_sweeps, object_sweep
 from hmap_core.types import BodyKind, Goal, Plan, Scene, SceneState, SegmentKind
 from hmap_core.validation import check
-from hmap_core.waypoints import NoObjectPath
+from hmap_core.waypoints import NoObjectPath, ObjectPath
 
 J_MAX = 40  # contacts tried at one waypoint before new waypoints are asked for (the paper's j_max)
 WAYPOINT_ROUNDS = 6  # object paths tried
+BLOCKED_ROUNDS = 2  # of these, in which an obstacle could not be put out of the way
 REMOVAL_ROUNDS = 2  # of an obstacle: sliding where it can, and lifted
 WAYPOINT_TIME = 10.0  # s for one of them
-BLOCKED_TIME = 0.5  # s for the first where something could be put out of the way, or another place be chosen
+PLACE_TIME = 0.5  # s for the path of an obstacle to one of several places
+REACH_TRIES = 2  # samplings of contacts without success, after which the goal counts as out of reach
 GOAL_POSES = 4  # last poses of the object's path at which the goal has to be within reach
 DEFAULT_TIME_LIMIT = 60.0  # s
 _MAX_SEED = 2**31 - 1
@@ -75,9 +77,16 @@ class Planner:
         goal = self.scene.goal
         self._check_goal(goal)
         self._check_start(goal)
+        blocked = 0
         for attempt in range(WAYPOINT_ROUNDS):
             self.clearing.begun = 0
-            found = self._attempt(Errand(goal), Course(self.start), attempt)
+            try:
+                found = self._attempt(Errand(goal), Course(self.start), attempt)
+            except RemovalError:
+                blocked += 1
+                if blocked == BLOCKED_ROUNDS:
+                    raise
+                continue
             plan = self._finished(*found) if found is not None else None
             if plan is not None:
                 return plan
@@ -102,48 +111,38 @@ class Planner:
     def _attempt(self, errand: Errand, course: Course, attempt: int) -> tuple[Course, np.ndarray] | None:
         """One object path, what is in its way put aside, and its segments; None when something of it fails.
 
-        Raises WaypointError or InputError when there is no path, ContactError when the task's goal is out of reach.
+        Raises WaypointError or InputError when there is no path, RemovalError when what is in its way cannot go,
+        ContactError when the task's goal is out of reach.
         """
         object = errand.goal.object
         self._report("waypoints", text=f"path of '{object}' {errand.reason}")
         poses, blockers = self._way(errand, course, attempt)
         self.counts["waypoint_plans"] += 1
-        try:
-            if blockers:
-                ways = [object_sweep(self.scene, object, poses)]
-                course = self.clearing.clear(errand, course, blockers, ways)
-            found = self._segments(errand, course, poses)
-        except RemovalError as error:
-            self.last_failure, self.last_code = error.reason, error.code
-            return None
+        if blockers:
+            ways = [object_sweep(self.scene, object, poses)]
+            blockers = met(self.scene, course.state, object, poses, blockers)
+            course = self.clearing.clear(errand, course, blockers, ways)
+        found = self._segments(errand, course, poses)
         if found is None and errand.depth == 0 and self.last_code == Code.NO_CONTACT:
             self._check_reach(errand.goal, poses[-GOAL_POSES:])
         return found
 
     def _way(self, errand: Errand, course: Course, attempt: int) -> tuple[np.ndarray, tuple[str, ...]]:
         """Poses of the object on a path to its goal, and the removable bodies that are in its way."""
-        object, goal, state = errand.goal.object, errand.goal, course.state
-        names = may_go(self.scene, errand, course)
-        gone = overlapping(self.scene, state, object, goal.pose, names)
-        scene = self._path_scene(errand, attempt, names)
-        limit = WAYPOINT_TIME
-        if errand.depth > 0 or names:
-            limit = min(BLOCKED_TIME * 2**attempt, WAYPOINT_TIME)
-        while True:
-            try:
-                poses = self._path(without(scene, gone), state, goal, limit)
-                return poses, met(scene, state, object, poses, gone)
-            except NoObjectPath as error:
-                more = error.free_without
-                if not more and (errand.depth > 0 or not names):
-                    raise
-                if not more:
-                    break
-                gone += more
-        poses = self._path(without(scene, names), state, goal, WAYPOINT_TIME)
-        return poses, on_path(self.scene, state, object, poses, names)
+        goal, state = errand.goal, course.state
+        scene = self._path_scene(errand, course, attempt)
+        limit = WAYPOINT_TIME if errand.depth == 0 else PLACE_TIME
+        try:
+            return self._path(scene, state, goal, limit).poses, ()
+        except NoObjectPath as error:
+            if not error.free_without:
+                raise
+            blockers, path = error.free_without, error.path_without
+        if path is None:
+            path = self._path(without(scene, blockers), state, goal, limit)
+        return path.poses, blockers
 
-    def _path_scene(self, errand: Errand, attempt: int, names: tuple[str, ...]) -> Scene:
+    def _path_scene(self, errand: Errand, course: Course, attempt: int) -> Scene:
         """The scene as the search for a path has to see it.
 
         Where sliding and lifting are both allowed, as they are for obstacles, every second attempt lifts.
@@ -151,11 +150,12 @@ class Planner:
         motion = self.scene.motion if errand.depth == 0 else "auto"
         if motion == "auto" and attempt % 2 == 1:
             motion = "spatial"
-        return replace(self.scene, motion=motion, removable={name: self.scene.removable[name] for name in names})
+        removable = {name: self.scene.removable[name] for name in may_go(self.scene, errand, course)}
+        return replace(self.scene, motion=motion, removable=removable)
 
-    def _path(self, scene: Scene, state: SceneState, goal: Goal, limit: float) -> np.ndarray:
+    def _path(self, scene: Scene, state: SceneState, goal: Goal, limit: float) -> ObjectPath:
         limit = min(self._time_left(), limit)
-        return self.backend.plan_waypoints(scene, state, goal.object, goal, self._seed(), limit).poses
+        return self.backend.plan_waypoints(scene, state, goal.object, goal, self._seed(), limit)
 
     def _segments(self, errand: Errand, course: Course, poses: np.ndarray) -> tuple[Course, np.ndarray] | None:
         """The main loop: contacts and motions until the object is at its goal; None when a waypoint cannot be left."""
@@ -287,18 +287,21 @@ class Planner:
         there = self.start.copy()
         scene = without(self.scene, self.scene.removable)
         there.poses[goal.object] = last_poses[0]
-        try:
-            self.backend.propose_contacts(
-                scene, there, goal.object, last_poses, tuple(self.scene.robots), None, 1, self._seed(),
-                self._time_left(),
-            )  # fmt: skip
-        except ContactError as error:
-            place = ", ".join(f"{v:.3f}" for v in goal.pose[:3])
-            raise ContactError(
-                f"the goal of '{goal.object}' at ({place}) is out of reach of {', '.join(self.scene.robots)}: "
-                "no contact can bring it there",
-                Code.OUT_OF_REACH,
-            ) from error
+        for _ in range(REACH_TRIES):
+            try:
+                self.backend.propose_contacts(
+                    scene, there, goal.object, last_poses, tuple(self.scene.robots), None, 1, self._seed(),
+                    self._time_left(),
+                )  # fmt: skip
+                return
+            except ContactError as error:
+                failure = error
+        place = ", ".join(f"{v:.3f}" for v in goal.pose[:3])
+        raise ContactError(
+            f"the goal of '{goal.object}' at ({place}) is out of reach of {', '.join(self.scene.robots)}: "
+            "no contact can bring it there",
+            Code.OUT_OF_REACH,
+        ) from failure
 
     def _report(self, phase: str, waypoint: int = 0, waypoints: int = 0, attempt: int = 0, text: str = "") -> None:
         self._progress(Progress(phase, waypoint, waypoints, attempt, text))

@@ -1,6 +1,6 @@
 """Obstacles put out of the way: each removal is an instance of Algorithm 1 of its own."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import Protocol
@@ -14,10 +14,10 @@ from hmap_core.planner.removal import removal_places
 from hmap_core.planner.sweep import Sweep
 from hmap_core.types import Goal, Scene, SceneState
 
-PLACES = 10  # places tried for one obstacle
-PLACES_FIRST = 4  # of these, before others are put out of its own way
-PLACES_RECURSIVE = 2  # of these, once others may be put out of its own way
-_FATAL = (Code.TIME_LIMIT, Code.CANCELED, Code.SERVICE_UNAVAILABLE)
+PLACES = 10  # tried for one obstacle
+PLACES_WITHOUT_CONTACT = 3  # after which it counts as out of reach
+PLACES_BLOCKED = 2  # to which other bodies bar the way, after which these are put aside as well
+_FINAL = (Code.TIME_LIMIT, Code.CANCELED, Code.SERVICE_UNAVAILABLE)
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,7 @@ class Errand:
         busy: bodies that it may not move: the objects of the instances above it, and what they keep where it is.
         keep_out: where these will pass; nothing may be put there.
         depth: how many instances are above it.
+        alone: it fails where something else would have to go first.
         reason: for people: why.
     """
 
@@ -36,6 +37,7 @@ class Errand:
     busy: frozenset[str] = frozenset()
     keep_out: tuple[Sweep, ...] = ()
     depth: int = 0
+    alone: bool = False
     reason: str = "to its goal"
 
 
@@ -51,6 +53,10 @@ class Course:
 
 class RemovalError(PlannerError):
     """An obstacle could not be put out of the way; the code is that of the last try."""
+
+
+class BlockedError(RemovalError):
+    """Something else would have to go first, which may not be moved for this errand."""
 
 
 class Instance(Protocol):
@@ -70,9 +76,10 @@ def may_go(scene: Scene, errand: Errand, course: Course) -> tuple[str, ...]:
     return tuple(name for name in scene.removable if name not in stay)
 
 
-def fatal(error: HmapError) -> bool:
-    """Whether an error ends the whole job."""
-    return error.code in _FATAL
+def raise_if_final(error: HmapError) -> None:
+    """Raises an error that ends the whole job."""
+    if error.code in _FINAL:
+        raise error
 
 
 @dataclass
@@ -100,6 +107,8 @@ class Clearing:
         Raises:
             RemovalError: one could not be put aside, with the reason.
         """
+        if errand.alone:
+            raise BlockedError(f"'{names[0]}' is in the way of '{errand.goal.object}'", Code.NO_OBJECT_PATH)
         waiting, failure = list(names), None
         while waiting:
             before = len(waiting)
@@ -108,8 +117,7 @@ class Clearing:
                     try:
                         course = self._remove(name, errand, course, ways, frozenset(waiting))
                     except HmapError as error:
-                        if fatal(error):
-                            raise
+                        raise_if_final(error)
                         failure = name, error
                         continue
                 waiting.remove(name)
@@ -130,34 +138,56 @@ class Clearing:
             raise self.failed[key]
         keep_out = (*errand.keep_out, *ways)
         own = Errand(
-            Goal(name, course.state.poses[name]), errand.busy | {errand.goal.object}, keep_out, errand.depth + 1,
-            f"out of the way of '{errand.goal.object}'",
-        )  # fmt: skip
+            Goal(name, course.state.poses[name]),
+            errand.busy | {errand.goal.object},
+            keep_out,
+            errand.depth + 1,
+            reason=f"out of the way of '{errand.goal.object}'",
+        )
         try:
             course = self._unload(name, own, course)
             others = may_go(scene, own, course)
             unsteady = waiting | own.busy | set(others)
             found = removal_places(scene, course.state, name, keep_out, unsteady, self.planner.rng)
-            places = list(islice(found, PLACES_FIRST if others else PLACES))
-            alone = replace(own, busy=own.busy | set(others))
-            tries = [(alone, T) for T in places] + [(own, T) for T in places[:PLACES_RECURSIVE] if others]
-            moved = self._first(name, tries, course)
+            places = islice(found, PLACES)
+            moved = self._to_first(places, replace(own, alone=True), own if others else None, course)
         except HmapError as error:
             self.failed[key] = error
             raise
         return replace(moved, aside=(*moved.aside, name), depth=max(moved.depth, own.depth))
 
-    def _first(self, name: str, tries: Sequence[tuple[Errand, np.ndarray]], course: Course) -> Course:
-        """The first of some tries that works."""
-        failure = RemovalError(f"there is no free place for '{name}'", Code.NO_OBJECT_PATH)
-        for errand, T in tries:
+    def _to_first(self, places: Iterable[np.ndarray], alone: Errand, own: Errand | None, course: Course) -> Course:
+        """Brings a body to the first place to which it can go.
+
+        Args:
+            alone: the errand as long as nothing else is moved.
+            own: that which may move others; None where there are none.
+        """
+        name = alone.goal.object
+        failure: HmapError = RemovalError(f"there is no free place for '{name}'", Code.NO_OBJECT_PATH)
+        blocked, without_contact = [], 0
+        for T in places:
             try:
-                return self.planner.bring(replace(errand, goal=replace(errand.goal, pose=T)), course)
+                return self._bring(alone, T, course)
+            except BlockedError as error:
+                failure = error
+                blocked.append(T)
             except HmapError as error:
-                if fatal(error):
-                    raise
+                raise_if_final(error)
+                failure = error
+                without_contact += error.code == Code.NO_CONTACT
+            if len(blocked) == PLACES_BLOCKED or without_contact == PLACES_WITHOUT_CONTACT:
+                break
+        for T in blocked if own else ():
+            try:
+                return self._bring(own, T, course)
+            except HmapError as error:
+                raise_if_final(error)
                 failure = error
         raise failure
+
+    def _bring(self, errand: Errand, T: np.ndarray, course: Course) -> Course:
+        return self.planner.bring(replace(errand, goal=replace(errand.goal, pose=T)), course)
 
     def _unload(self, name: str, own: Errand, course: Course) -> Course:
         """Puts aside what stands on a body."""

@@ -1,4 +1,4 @@
-"""Which removable bodies are in the way: of an object's goal, of its path, of a hand, of another body's removal."""
+"""Which bodies are in the way of a hand, or stand on another one."""
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
@@ -9,9 +9,9 @@ from hmap_core.collision.convex import set_distance
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner.interfaces import Backend, RobotContact, SegmentMotion
 from hmap_core.planner.local import placed_bodies
-from hmap_core.planner.sweep import Sweep, motion_sweeps, nearest, object_sweep, placed, robot_sweeps
+from hmap_core.planner.sweep import Sweep, motion_sweeps, nearest, placed, robot_sweeps
 from hmap_core.types import BodyKind, Scene, SceneState
-from hmap_core.waypoints import DEFAULT_MARGIN, standing
+from hmap_core.waypoints import standing
 
 PENETRATION = 1e-3  # m that a body may be inside another, as the judge of plans allows
 HAND_MARGIN = 0.005  # m that links and what they carry keep from other bodies, and a little more
@@ -26,39 +26,16 @@ def without(scene: Scene, names: Collection[str]) -> Scene:
     return replace(scene, bodies=bodies, removable=removable)
 
 
-def overlapping(scene: Scene, state: SceneState, object: str, T: np.ndarray, names: Iterable[str]) -> tuple[str, ...]:
-    """Those bodies that an object would be inside of at pose T (7,)."""
-    shapes = body_set(scene.bodies[object])
-    return tuple(
-        name
-        for name in names
-        if set_distance(shapes, T, body_set(scene.bodies[name]), state.poses[name], 0.0) < -PENETRATION
-    )
-
-
-def on_path(scene: Scene, state: SceneState, object: str, poses: np.ndarray, names: Iterable[str]) -> tuple[str, ...]:
-    """Those bodies that an object comes nearer to on its path (M, 7) than its margin, nearer also than at its start.
-
-    In the order in which the path comes to them.
-    """
-    bodies = placed(scene, state, names)
-    start = nearest([object_sweep(scene, object, poses[:1])], bodies, DEFAULT_MARGIN)
-    near = nearest([object_sweep(scene, object, poses)], bodies, DEFAULT_MARGIN)
-    hit = [name for name, d in near.items() if d < start.get(name, DEFAULT_MARGIN) - PENETRATION]
-    return met(scene, state, object, poses, hit)
-
-
 def met(scene: Scene, state: SceneState, object: str, poses: np.ndarray, names: Iterable[str]) -> tuple[str, ...]:
-    """Some bodies in the order in which the path (M, 7) of an object comes to them."""
+    """Some bodies in the order in which the path (M, 7) of an object runs into them; the others last."""
     bodies = placed(scene, state, names)
-    first = {name: _first(scene, object, poses, {name: shapes}) for name, shapes in bodies.items()}
-    return tuple(sorted(bodies, key=lambda name: first[name]))
-
-
-def _first(scene: Scene, object: str, poses: np.ndarray, body) -> int:
-    """Index of the first pose that is within the margin of a body."""
     shapes = body_set(scene.bodies[object])
-    return next((k for k, T in enumerate(poses) if nearest([Sweep(shapes, T[None])], body, DEFAULT_MARGIN)), len(poses))
+
+    def first(name: str) -> int:
+        hits = (k for k, T in enumerate(poses) if nearest([Sweep(shapes, T[None])], {name: bodies[name]}, 0.0))
+        return next(hits, len(poses))
+
+    return tuple(sorted(bodies, key=first))
 
 
 def in_motion(scene: Scene, state: SceneState, motion: SegmentMotion, names: Iterable[str]) -> tuple[str, ...]:

@@ -28,8 +28,8 @@ class Sweep:
 
 def joined(sets: Sequence[ConvexSet]) -> ConvexSet:
     """All shapes of several sets that share a frame."""
-    if not sets:
-        return from_hulls(())
+    if len(sets) < 2:
+        return sets[0] if sets else from_hulls(())
     sizes = np.concatenate([np.diff(s.start) for s in sets])
     return ConvexSet(
         np.concatenate([s.vertices for s in sets]),
@@ -46,7 +46,7 @@ def nearest(sweeps: Iterable[Sweep], bodies: Mapping[str, ConvexSet], cutoff: fl
     if not bodies:
         return {}
     B = joined(list(bodies.values()))
-    owner = np.repeat(np.arange(len(bodies)), [len(shapes) for shapes in bodies.values()])
+    owner = np.repeat(range(len(bodies)), [len(shapes) for shapes in bodies.values()])
     best = np.full(len(bodies), cutoff)
     for sweep in sweeps:
         A = sweep.shapes
