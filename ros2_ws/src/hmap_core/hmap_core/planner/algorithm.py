@@ -2,43 +2,37 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from copy import copy
+from dataclasses import replace
 
 import numpy as np
 
 from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import Code, ContactError, HmapError, InputError, MotionError, PlannerError
 from hmap_core.plan_file import to_dict
-from hmap_core.planner.assembly import assemble, scene_at, state_after
+from hmap_core.planner.assembly import assemble, scene_at
+from hmap_core.planner.clearing import Clearing, Course, Errand, RemovalError, may_go
 from hmap_core.planner.interfaces import Backend, Grip, Progress, ProgressCallback, RobotContact, SegmentMotion
 from hmap_core.planner.local import LocalBackend
 from hmap_core.planner.motion import standing_collision
+from hmap_core.planner.obstruction import CONTACT_ROOM, Considerate, in_motions, met, without
+from hmap_core.planner.sweep import motion_sweeps, object_sweep
 from hmap_core.planner.tools import holding, tools_of
 from hmap_core.types import BodyKind, Goal, Plan, Scene, SceneState, SegmentKind
 from hmap_core.validation import check
-from hmap_core.waypoints import ObjectPath
+from hmap_core.waypoints import NoObjectPath, ObjectPath
 
 J_MAX = 40  # contacts tried at one waypoint before new waypoints are asked for (the paper's j_max)
 WAYPOINT_ROUNDS = 6  # object paths tried
+BLOCKED_ROUNDS = 2  # of these, in which an obstacle could not be put out of the way
+REMOVAL_ROUNDS = 2  # of an obstacle: sliding where it can, and lifted
 WAYPOINT_TIME = 10.0  # s for one of them
+PLACE_TIME = 0.5  # s for the path of an obstacle to one of several places
+REACH_TRIES = 2  # samplings of contacts without success, after which the goal counts as out of reach
 TOOLS_TRIED = 6  # holds on tools that are tried at one waypoint
 GOAL_POSES = 4  # last poses of the object's path at which the goal has to be within reach
 DEFAULT_TIME_LIMIT = 60.0  # s
 _MAX_SEED = 2**31 - 1
-
-
-@dataclass(frozen=True)
-class _Progressed:
-    """How far a plan has come: the state, the motions up to it, and the tool in a hand."""
-
-    state: SceneState
-    motions: list[SegmentMotion] = field(default_factory=list)
-    grip: Grip | None = None
-
-    def after(self, motion: SegmentMotion, *grip: Grip | None) -> "_Progressed":
-        """With one motion more, and another grip where one is given."""
-        held = grip[0] if grip else self.grip
-        return _Progressed(state_after(self.state, motion), [*self.motions, motion], held)
 
 
 def _put_back(state: SceneState, grip: Grip) -> SceneState:
@@ -84,78 +78,161 @@ class Planner:
         self._progress = progress or (lambda progress: None)
         self._canceled = canceled or (lambda: False)
         self.last_failure, self.last_code = "nothing was tried yet", Code.NO_MOTION
+        self.clearing = Clearing(self)
         self.counts = {"waypoint_plans": 0, "contact_proposals": 0, "contact_tries": 0}
 
     def plan(self) -> Plan:
-        """The outer loop: waypoints until a path of segments is found for all of them."""
+        """The outer loop: object paths until segments are found for all of one, and the judge accepts them."""
         goal = self.scene.goal
         self._check_goal(goal)
         self._check_start(goal)
+        blocked = 0
         for attempt in range(WAYPOINT_ROUNDS):
-            self._report("waypoints", text=f"path of '{goal.object}' to its goal")
-            path = self._waypoints(goal, attempt)
-            self.counts["waypoint_plans"] += 1
-            found = self._segments(goal, path.poses)
+            self.clearing.begun = 0
+            try:
+                found = self._attempt(Errand(goal), Course(self.start), attempt)
+            except RemovalError:
+                blocked += 1
+                if blocked == BLOCKED_ROUNDS:
+                    raise
+                continue
             plan = self._finished(*found) if found is not None else None
             if plan is not None:
                 return plan
-            if self.last_code == Code.NO_CONTACT:
-                self._check_reach(goal, path.poses[-GOAL_POSES:])
         raise PlannerError(
             f"no plan after {WAYPOINT_ROUNDS} object paths of '{goal.object}'; last: {self.last_failure}",
             self.last_code,
         )
 
-    def _waypoints(self, goal: Goal, attempt: int) -> ObjectPath:
-        """A path of the object. Where sliding and lifting are both allowed, every second attempt lifts."""
-        scene = self.scene
-        if scene.motion == "auto" and attempt % 2 == 1:
-            scene = replace(scene, motion="spatial")
-        limit = min(self._time_left(), WAYPOINT_TIME)
-        return self.backend.plan_waypoints(scene, self.start, goal.object, goal, self._seed(), limit)
+    def bring(self, errand: Errand, course: Course) -> Course:
+        """The algorithm for an obstacle: its object is brought to its goal, from where the course has come to.
 
-    def _segments(self, goal: Goal, poses: np.ndarray) -> tuple[list[SegmentMotion], np.ndarray] | None:
+        Raises:
+            HmapError: there is no way, or it could not be gone; the last failure as reason.
+        """
+        self.last_failure, self.last_code = "nothing was tried yet", Code.NO_MOTION
+        for attempt in range(REMOVAL_ROUNDS):
+            found = self._attempt(errand, course, attempt)
+            if found is not None:
+                return found[0]
+        raise PlannerError(self.last_failure, self.last_code)
+
+    def _attempt(self, errand: Errand, course: Course, attempt: int) -> tuple[Course, np.ndarray] | None:
+        """One object path, what is in its way put aside, and its segments; None when something of it fails.
+
+        Raises WaypointError or InputError when there is no path, RemovalError when what is in its way cannot go,
+        ContactError when the task's goal is out of reach.
+        """
+        object = errand.goal.object
+        self._report("waypoints", text=f"path of '{object}' {errand.reason}")
+        poses, blockers = self._way(errand, course, attempt)
+        self.counts["waypoint_plans"] += 1
+        if blockers:
+            ways = [object_sweep(self.scene, object, poses)]
+            blockers = met(self.scene, course.state, object, poses, blockers)
+            course = self.clearing.clear(errand, course, blockers, ways)
+        found = self._segments(errand, course, poses)
+        if found is None and errand.depth == 0 and self.last_code == Code.NO_CONTACT:
+            self._check_reach(errand.goal, poses[-GOAL_POSES:])
+        return found
+
+    def _way(self, errand: Errand, course: Course, attempt: int) -> tuple[np.ndarray, tuple[str, ...]]:
+        """Poses of the object on a path to its goal, and the removable bodies that are in its way."""
+        goal, state = errand.goal, course.state
+        scene = self._path_scene(errand, course, attempt)
+        limit = WAYPOINT_TIME if errand.depth == 0 else PLACE_TIME
+        try:
+            return self._path(scene, state, goal, limit).poses, ()
+        except NoObjectPath as error:
+            if not error.free_without:
+                raise
+            blockers, path = error.free_without, error.path_without
+        if path is None:
+            path = self._path(without(scene, blockers), state, goal, limit)
+        return path.poses, blockers
+
+    def _path_scene(self, errand: Errand, course: Course, attempt: int) -> Scene:
+        """The scene as the search for a path has to see it.
+
+        Where sliding and lifting are both allowed, as they are for obstacles, every second attempt lifts.
+        """
+        motion = self.scene.motion if errand.depth == 0 else "auto"
+        if motion == "auto" and attempt % 2 == 1:
+            motion = "spatial"
+        removable = {name: self.scene.removable[name] for name in may_go(self.scene, errand, course)}
+        return replace(self.scene, motion=motion, removable=removable)
+
+    def _path(self, scene: Scene, state: SceneState, goal: Goal, limit: float) -> ObjectPath:
+        limit = min(self._time_left(), limit)
+        return self.backend.plan_waypoints(scene, state, goal.object, goal, self._seed(), limit)
+
+    def _segments(self, errand: Errand, course: Course, poses: np.ndarray) -> tuple[Course, np.ndarray] | None:
         """The main loop: contacts and motions until the object is at its goal; None when a waypoint cannot be left."""
-        done, waypoints = _Progressed(self.start.copy()), []
+        object, waypoints = errand.goal.object, []
         at = 0
         while at < len(poses) - 1:
-            ahead = np.concatenate([done.state.poses[goal.object][None], poses[at + 1 :]])
-            step = self._step(goal.object, done, ahead, at, len(poses) - 1)
+            ahead = np.concatenate([course.state.poses[object][None], poses[at + 1 :]])
+            step = self._step(object, course, ahead, at, len(poses) - 1)
+            if step is None:
+                step, blockers, ways = self._around(errand, course, ahead)
+                if blockers:
+                    course = self._put_down(course)
+                    if course is None:
+                        return None
+                    course = self.clearing.clear(errand, course, blockers, ways)
+                    continue
             if step is None:
                 return None
-            done, reach = step
+            course, reach = step
             at += reach
             waypoints.append(poses[at])
-        done = self._put_down(done)
-        return None if done is None else (done.motions, np.array(waypoints).reshape(-1, 7))
+        course = self._put_down(course)
+        return None if course is None else (course, np.array(waypoints).reshape(-1, 7))
 
-    def _step(self, object: str, done: "_Progressed", ahead: np.ndarray, at: int, total: int):
+    def _around(self, errand: Errand, course: Course, ahead: np.ndarray):
+        """What could be done at a waypoint that cannot be left if nothing removable were there.
+
+        Returns (course and reach of a motion that hits none of them, or None; those that are in the hand's way; where
+        the motion passes).
+        """
+        state, names = course.state, may_go(self.scene, errand, course)
+        if not names:
+            return None, (), ()
+        bare = copy(self)
+        bare.scene = without(self.scene, names)
+        bare.backend = Considerate(self.backend, self.scene, names)
+        step = bare._step(errand.goal.object, course, ahead, 0, len(ahead) - 1)
+        if step is None:
+            return None, (), ()
+        motions = step[0].motions[len(course.motions) :]
+        hit = in_motions(self.scene, state, motions, names)
+        sweeps = [object_sweep(self.scene, errand.goal.object, ahead)]
+        for motion in motions:
+            sweeps += motion_sweeps(self.scene, state, motion, CONTACT_ROOM)
+        return (None, hit, sweeps) if hit else (step, (), ())
+
+    def _step(self, object: str, course: Course, ahead: np.ndarray, at: int, total: int):
         """The inner loop: contacts at one waypoint until one gives a motion.
 
-        By hand, else with the tool in the hand, else with another one. Returns (done, reach), or None.
+        By hand, else with the tool in the hand, else with another one. Returns (course, reach), or None.
         """
-        free = done.state if done.grip is None else _put_back(done.state, done.grip)
-        found = self._by_contacts(object, done, self.scene, free, tuple(self.scene.robots), ahead, at, total)
-        if found is None and done.grip is not None:
-            scene = holding(self.scene, done.grip)
-            found = self._by_contacts(object, done, scene, done.state, (done.grip.robot,), ahead, at, total)
-        return found or self._by_tool(object, done, ahead, at, total)
+        free = course.state if course.grip is None else _put_back(course.state, course.grip)
+        found = self._by_contacts(object, course, self.scene, free, tuple(self.scene.robots), ahead, at, total)
+        if found is None and course.grip is not None:
+            scene = holding(self.scene, course.grip)
+            found = self._by_contacts(object, course, scene, course.state, (course.grip.robot,), ahead, at, total)
+        return found or self._by_tool(object, course, ahead, at, total)
 
-    def _by_contacts(self, object: str, done, scene: Scene, state: SceneState, robots, ahead, at: int, total: int):
-        """Contacts in a scene, in which a robot may hold a tool, until one gives a motion."""
-        tries = 0
+    def _by_contacts(self, object: str, course, scene: Scene, state: SceneState, robots, ahead, at, total, contacts=()):
+        """Contacts in a scene, in which a robot may hold a tool, until one gives a motion; those given come first."""
+        tries, ready = 0, None
         while tries < J_MAX:
-            self._report("contacts", at, total, tries + 1, f"contacts on '{object}'")
             try:
-                contacts = self.backend.propose_contacts(
-                    scene, state, object, ahead, robots, self.clouds.get(object), J_MAX - tries, self._seed(),
-                    self._time_left(),
-                )  # fmt: skip
+                contacts = contacts or self._contacts(scene, state, object, ahead, robots, J_MAX - tries, at, total)
             except ContactError as error:
                 self._failed(error)
                 return None
-            self.counts["contact_proposals"] += 1
-            ready = done if scene is not self.scene else self._put_down(done)
+            ready = ready or (self._put_down(course) if scene is self.scene else course)
             if ready is None:
                 return None
             for contact in contacts:
@@ -167,46 +244,56 @@ class Planner:
                 motion = self._motion(scene, ready.state, object, contact, ahead[: contact.reach + 1])
                 if motion is not None:
                     return ready.after(motion), contact.reach
+            contacts = ()
         return None
 
-    def _by_tool(self, object: str, done: "_Progressed", ahead: np.ndarray, at: int, total: int):
-        """A tool that one robot takes, and with which it moves the object. Returns (done, reach), or None."""
+    def _contacts(self, scene: Scene, state: SceneState, object: str, ahead, robots, count: int, at: int, total: int):
+        """Contacts on an object. Raises ContactError."""
+        who = f"'{object}'" if scene is self.scene else f"'{object}' with what {robots[0]} holds"
+        self._report("contacts", at, total, J_MAX - count + 1, f"contacts on {who}")
+        cloud = self.clouds.get(object)
+        contacts = self.backend.propose_contacts(
+            scene, state, object, ahead, robots, cloud, count, self._seed(), self._time_left()
+        )
+        self.counts["contact_proposals"] += 1
+        return contacts
+
+    def _by_tool(self, object: str, course: Course, ahead: np.ndarray, at: int, total: int):
+        """A tool that one robot takes, and with which it moves the object. Returns (course, reach), or None."""
         if not tools_of(self.scene, object):
             return None
-        done = self._put_down(done)
-        if done is None:
+        course = self._put_down(course)
+        if course is None:
             return None
         self._report("contacts", at, total, text=f"tools for '{object}'")
-        grips = self.backend.grips(self.scene, done.state, object, ahead, self._seed(), self._time_left())
+        grips = self.backend.grips(self.scene, course.state, object, ahead, self._seed(), self._time_left())
         for grip, _ in grips[:TOOLS_TRIED]:
-            scene = holding(self.scene, grip)
-            self._report("contacts", at, total, text=f"contacts on '{object}' for {grip.robot} with '{grip.tool}'")
+            scene, robots = holding(self.scene, grip), (grip.robot,)
             try:
-                self.backend.propose_contacts(
-                    scene, done.state, object, ahead, (grip.robot,), self.clouds.get(object), 1, self._seed(),
-                    self._time_left(),
-                )  # fmt: skip
-                taken = self.backend.take(self.scene, done.state, grip, self._seed(), self._time_left())
+                contacts = self._contacts(scene, course.state, object, ahead, robots, J_MAX, at, total)
+                self._report("motion", at, total, text=f"{grip.robot} takes '{grip.tool}'")
+                taken = self.backend.take(self.scene, course.state, grip, self._seed(), self._time_left())
             except (ContactError, MotionError) as error:
                 self._failed(error)
                 continue
-            ready = done.after(taken, grip)
-            found = self._by_contacts(object, ready, scene, ready.state, (grip.robot,), ahead, at, total)
+            ready = replace(course.after(taken), grip=grip)
+            contacts = [replace(contact, clear=()) for contact in contacts]  # who was away went home before
+            found = self._by_contacts(object, ready, scene, ready.state, robots, ahead, at, total, contacts)
             if found is not None:
                 return found
         return None
 
-    def _put_down(self, done: "_Progressed") -> "_Progressed | None":
+    def _put_down(self, course: Course) -> Course | None:
         """With nothing in the hand; None where the tool cannot be put back."""
-        if done.grip is None:
-            return done
-        self._report("motion", text=f"{done.grip.robot} puts '{done.grip.tool}' down")
+        if course.grip is None:
+            return course
+        self._report("motion", text=f"{course.grip.robot} puts '{course.grip.tool}' down")
         try:
-            motion = self.backend.put_down(self.scene, done.state, done.grip, self._seed(), self._time_left())
+            motion = self.backend.put_down(self.scene, course.state, course.grip, self._seed(), self._time_left())
         except MotionError as error:
             self._failed(error)
             return None
-        return done.after(motion, None)
+        return replace(course.after(motion), grip=None)
 
     def _failed(self, error: HmapError) -> None:
         self.last_failure, self.last_code = str(error), error.code
@@ -218,18 +305,20 @@ class Planner:
             self._failed(error)
             return None
 
-    def _finished(self, motions: list[SegmentMotion], waypoints: np.ndarray) -> Plan | None:
+    def _finished(self, course: Course, waypoints: np.ndarray) -> Plan | None:
         """The plan, once the judge has accepted it; None when it has not."""
         planning_time = time.monotonic() - self.began
-        kinds = [s.kind for m in motions for s in m.segments]
+        kinds = [s.kind for m in course.motions for s in m.segments]
         stats = {
             "planning_time_s": planning_time,
             "waypoints": len(waypoints),
             "contacts": sum(kind != SegmentKind.TRANSIT for kind in kinds),
             "mode_switches": max(0, len(kinds) - 1),
+            "removals": len(course.aside),
+            "removal_depth": course.depth,
             **self.counts,
         }
-        plan = assemble(self.scene, self.start, motions, waypoints, stats)
+        plan = assemble(self.scene, self.start, course.motions, waypoints, stats)
         self._report("checking", len(waypoints), len(waypoints), text="the judge looks at the plan")
         report = check(to_dict(plan))
         if not report.valid:
@@ -269,19 +358,23 @@ class Planner:
     def _check_reach(self, goal: Goal, last_poses: np.ndarray) -> None:
         """Raises ContactError when no robot could bring the object along the last poses, whatever the way there."""
         there = self.start.copy()
+        scene = without(self.scene, self.scene.removable)
         there.poses[goal.object] = last_poses[0]
-        try:
-            self.backend.propose_contacts(
-                self.scene, there, goal.object, last_poses, tuple(self.scene.robots), None, 1, self._seed(),
-                self._time_left(),
-            )  # fmt: skip
-        except ContactError as error:
-            place = ", ".join(f"{v:.3f}" for v in goal.pose[:3])
-            raise ContactError(
-                f"the goal of '{goal.object}' at ({place}) is out of reach of {', '.join(self.scene.robots)}: "
-                "no contact can bring it there",
-                Code.OUT_OF_REACH,
-            ) from error
+        for _ in range(REACH_TRIES):
+            try:
+                self.backend.propose_contacts(
+                    scene, there, goal.object, last_poses, tuple(self.scene.robots), None, 1, self._seed(),
+                    self._time_left(),
+                )  # fmt: skip
+                return
+            except ContactError as error:
+                failure = error
+        place = ", ".join(f"{v:.3f}" for v in goal.pose[:3])
+        raise ContactError(
+            f"the goal of '{goal.object}' at ({place}) is out of reach of {', '.join(self.scene.robots)}: "
+            "no contact can bring it there",
+            Code.OUT_OF_REACH,
+        ) from failure
 
     def _report(self, phase: str, waypoint: int = 0, waypoints: int = 0, attempt: int = 0, text: str = "") -> None:
         self._progress(Progress(phase, waypoint, waypoints, attempt, text))
