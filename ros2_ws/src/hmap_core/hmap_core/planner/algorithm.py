@@ -13,14 +13,14 @@ from hmap_core.plan_file import to_dict
 from hmap_core.planner.assembly import assemble, scene_at
 from hmap_core.planner.clearing import Clearing, Course, Errand, RemovalError, may_go
 from hmap_core.planner.interfaces import Backend, Grip, Progress, ProgressCallback, RobotContact, SegmentMotion
-from hmap_core.planner.local import LocalBackend
+from hmap_core.planner.local import LocalBackend, placed_bodies
 from hmap_core.planner.motion import standing_collision
 from hmap_core.planner.obstruction import CONTACT_ROOM, Considerate, in_motions, met, without
 from hmap_core.planner.sweep import motion_sweeps, object_sweep
 from hmap_core.planner.tools import holding, tools_of
-from hmap_core.types import BodyKind, Goal, Plan, Scene, SceneState, SegmentKind
+from hmap_core.types import BodyKind, Goal, Plan, Scene, SceneState, SegmentKind, TaskMode
 from hmap_core.validation import check
-from hmap_core.waypoints import NoObjectPath, ObjectPath
+from hmap_core.waypoints import NoObjectPath, ObjectPath, ObjectPathProblem, slid_first
 
 J_MAX = 40  # contacts tried at one waypoint before new waypoints are asked for (the paper's j_max)
 WAYPOINT_ROUNDS = 6  # object paths tried
@@ -132,6 +132,9 @@ class Planner:
             blockers = met(self.scene, course.state, object, poses, blockers)
             course = self.clearing.clear(errand, course, blockers, ways)
         found = self._segments(errand, course, poses)
+        if found is None:
+            slid = self._slid_first(errand, course, poses)
+            found = None if slid is None else self._segments(errand, course, slid)
         if found is None and errand.depth == 0 and self.last_code == Code.NO_CONTACT:
             self._check_reach(errand.goal, poses[-GOAL_POSES:])
         return found
@@ -150,6 +153,15 @@ class Planner:
         if path is None:
             path = self._path(without(scene, blockers), state, goal, limit)
         return path.poses, blockers
+
+    def _slid_first(self, errand: Errand, course: Course, poses: np.ndarray) -> np.ndarray | None:
+        """The path with its head on the support, where pushes may bring the object to where a hand can grip it."""
+        if self.scene.mode == TaskMode.KINEMATIC:
+            return None
+        object = errand.goal.object
+        around = placed_bodies(self.scene, course.state, object)
+        problem = ObjectPathProblem(self.scene.bodies[object], poses[0], poses[-1], around)
+        return slid_first(problem, poses)
 
     def _path_scene(self, errand: Errand, course: Course, attempt: int) -> Scene:
         """The scene as the search for a path has to see it.

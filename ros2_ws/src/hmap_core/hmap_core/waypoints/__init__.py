@@ -1,5 +1,6 @@
 """Algorithm 2: the path of the object alone, cut into waypoints."""
 
+from hmap_core.waypoints.grounded import slid_first
 from hmap_core.waypoints.plan import DEFAULT_TIME_LIMIT, plan_waypoints
 from hmap_core.waypoints.problem import DEFAULT_MARGIN, NoObjectPath, ObjectPath, ObjectPathProblem
 from hmap_core.waypoints.shorten import smooth
@@ -12,6 +13,7 @@ __all__ = [
     "ObjectPath",
     "ObjectPathProblem",
     "plan_waypoints",
+    "slid_first",
     "smooth",
     "standing",
 ]
