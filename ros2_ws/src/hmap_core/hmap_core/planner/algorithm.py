@@ -18,6 +18,7 @@ from hmap_core.planner.motion import standing_collision
 from hmap_core.planner.obstruction import CONTACT_ROOM, Considerate, in_motions, met, without
 from hmap_core.planner.sweep import motion_sweeps, object_sweep
 from hmap_core.planner.tools import holding, tools_of
+from hmap_core.transforms import inverse, multiply
 from hmap_core.types import BodyKind, Goal, Plan, Scene, SceneState, SegmentKind, TaskMode
 from hmap_core.validation import check
 from hmap_core.waypoints import NoObjectPath, ObjectPath, ObjectPathProblem, slid_first
@@ -30,9 +31,21 @@ WAYPOINT_TIME = 10.0  # s for one of them
 PLACE_TIME = 0.5  # s for the path of an obstacle to one of several places
 REACH_TRIES = 2  # samplings of contacts without success, after which the goal counts as out of reach
 TOOLS_TRIED = 6  # holds on tools that are tried at one waypoint
+GOAL_SHARE = 0.5  # of the goal's tolerance that a plan may use so that the object need not be turned
+LEVEL = 1e-3  # rad of tilt that does not count
 GOAL_POSES = 4  # last poses of the object's path at which the goal has to be within reach
 DEFAULT_TIME_LIMIT = 60.0  # s
 _MAX_SEED = 2**31 - 1
+
+
+def unturned(goal: Goal, T_start: np.ndarray) -> Goal:
+    """The goal with the object turned about the vertical as at T_start (7,), where half the tolerance allows it."""
+    turn = multiply(np.r_[np.zeros(3), goal.pose[3:]], inverse(np.r_[np.zeros(3), T_start[3:]]))
+    angle = 2.0 * np.arccos(np.clip(abs(turn[6]), 0.0, 1.0))
+    tilt = 2.0 * np.arcsin(min(1.0, float(np.hypot(turn[3], turn[4]))))
+    if angle > GOAL_SHARE * goal.rotation_tolerance or tilt > LEVEL:
+        return goal
+    return replace(goal, pose=np.concatenate([goal.pose[:3], T_start[3:]]))
 
 
 def _put_back(state: SceneState, grip: Grip) -> SceneState:
@@ -141,7 +154,8 @@ class Planner:
 
     def _way(self, errand: Errand, course: Course, attempt: int) -> tuple[np.ndarray, tuple[str, ...]]:
         """Poses of the object on a path to its goal, and the removable bodies that are in its way."""
-        goal, state = errand.goal, course.state
+        state = course.state
+        goal = unturned(errand.goal, state.poses[errand.goal.object])
         scene = self._path_scene(errand, course, attempt)
         limit = WAYPOINT_TIME if errand.depth == 0 else PLACE_TIME
         try:
@@ -368,7 +382,12 @@ class Planner:
                 )
 
     def _check_reach(self, goal: Goal, last_poses: np.ndarray) -> None:
-        """Raises ContactError when no robot could bring the object along the last poses, whatever the way there."""
+        """Raises ContactError when no robot could bring the object along the last poses, whatever the way there.
+
+        With a tool it might, so nothing is said then.
+        """
+        if tools_of(self.scene, goal.object):
+            return
         there = self.start.copy()
         scene = without(self.scene, self.scene.removable)
         there.poses[goal.object] = last_poses[0]
