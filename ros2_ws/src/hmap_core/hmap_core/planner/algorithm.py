@@ -382,12 +382,7 @@ class Planner:
                 )
 
     def _check_reach(self, goal: Goal, last_poses: np.ndarray) -> None:
-        """Raises ContactError when no robot could bring the object along the last poses, whatever the way there.
-
-        With a tool it might, so nothing is said then.
-        """
-        if tools_of(self.scene, goal.object):
-            return
+        """Raises ContactError when no robot could bring the object along the last poses, whatever the way there."""
         there = self.start.copy()
         scene = without(self.scene, self.scene.removable)
         there.poses[goal.object] = last_poses[0]
@@ -400,12 +395,27 @@ class Planner:
                 return
             except ContactError as error:
                 failure = error
+        if self._tool_reaches(scene, there, goal.object, last_poses):
+            return
         place = ", ".join(f"{v:.3f}" for v in goal.pose[:3])
         raise ContactError(
             f"the goal of '{goal.object}' at ({place}) is out of reach of {', '.join(self.scene.robots)}: "
             "no contact can bring it there",
             Code.OUT_OF_REACH,
         ) from failure
+
+    def _tool_reaches(self, scene: Scene, state: SceneState, object: str, poses: np.ndarray) -> bool:
+        """Whether some tool in some hand could bring an object along poses (M, 7)."""
+        grips = self.backend.grips(scene, state, object, poses, self._seed(), self._time_left())
+        for grip, _ in grips[:TOOLS_TRIED]:
+            try:
+                self.backend.propose_contacts(
+                    holding(scene, grip), state, object, poses, (grip.robot,), None, 1, self._seed(), self._time_left()
+                )
+                return True
+            except ContactError:
+                continue
+        return False
 
     def _report(self, phase: str, waypoint: int = 0, waypoints: int = 0, attempt: int = 0, text: str = "") -> None:
         self._progress(Progress(phase, waypoint, waypoints, attempt, text))
