@@ -25,6 +25,8 @@ def coal_shape(shape: Shape):
         return coal.Sphere(*shape.size)
     if shape.kind == ShapeKind.CYLINDER:
         return coal.Cylinder(*shape.size)
+    if shape.kind == ShapeKind.CAPSULE:
+        return coal.Capsule(*shape.size)
     raise NotImplementedError(shape.kind)
 
 
