@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -10,16 +11,24 @@ from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import Code, ContactError, InputError, MotionError, PlannerError
 from hmap_core.plan_file import to_dict
 from hmap_core.planner.assembly import assemble, scene_at, state_after
+from hmap_core.planner.clearing import Clearing, Course, Errand, RemovalError, may_go
+from hmap_core.planner.filters import Considerate, Reminded, Whole
 from hmap_core.planner.interfaces import Backend, Progress, ProgressCallback, RobotContact, SegmentMotion
 from hmap_core.planner.local import LocalBackend
 from hmap_core.planner.motion import standing_collision
+from hmap_core.planner.obstruction import CONTACT_ROOM, Unhindered, in_motion, met, without
+from hmap_core.planner.sweep import motion_sweeps, object_sweep
 from hmap_core.types import BodyKind, Goal, Plan, Scene, SceneState, SegmentKind
 from hmap_core.validation import check
-from hmap_core.waypoints import ObjectPath
+from hmap_core.waypoints import NoObjectPath, ObjectPath
 
 J_MAX = 40  # contacts tried at one waypoint before new waypoints are asked for (the paper's j_max)
 WAYPOINT_ROUNDS = 6  # object paths tried
+BLOCKED_ROUNDS = 2  # of these, in which an obstacle could not be put out of the way
+REMOVAL_ROUNDS = 2  # of an obstacle: sliding where it can, and lifted
 WAYPOINT_TIME = 10.0  # s for one of them
+PLACE_TIME = 2.0  # s for the path of an obstacle to one of several places
+REACH_TRIES = 2  # samplings of contacts without success, after which the goal counts as out of reach
 GOAL_POSES = 4  # last poses of the object's path at which the goal has to be within reach
 DEFAULT_TIME_LIMIT = 60.0  # s
 _MAX_SEED = 2**31 - 1
@@ -61,51 +70,162 @@ class Planner:
         self._progress = progress or (lambda progress: None)
         self._canceled = canceled or (lambda: False)
         self.last_failure, self.last_code = "nothing was tried yet", Code.NO_MOTION
+        self.clearing = Clearing(self)
         self.counts = {"waypoint_plans": 0, "contact_proposals": 0, "contact_tries": 0}
 
     def plan(self) -> Plan:
-        """The outer loop: waypoints until a path of segments is found for all of them."""
+        """The outer loop: object paths until segments are found for all of one, and the judge accepts them."""
         goal = self.scene.goal
         self._check_goal(goal)
         self._check_start(goal)
+        blocked = 0
         for attempt in range(WAYPOINT_ROUNDS):
-            self._report("waypoints", text=f"path of '{goal.object}' to its goal")
-            path = self._waypoints(goal, attempt)
-            self.counts["waypoint_plans"] += 1
-            found = self._segments(goal, path.poses)
+            self.clearing.begun = 0
+            try:
+                found = self._attempt(Errand(goal), Course(self.start), attempt)
+            except RemovalError:
+                blocked += 1
+                if blocked == BLOCKED_ROUNDS:
+                    raise
+                continue
             plan = self._finished(*found) if found is not None else None
             if plan is not None:
                 return plan
-            if self.last_code == Code.NO_CONTACT:
-                self._check_reach(goal, path.poses[-GOAL_POSES:])
         raise PlannerError(
             f"no plan after {WAYPOINT_ROUNDS} object paths of '{goal.object}'; last: {self.last_failure}",
             self.last_code,
         )
 
-    def _waypoints(self, goal: Goal, attempt: int) -> ObjectPath:
-        """A path of the object. Where sliding and lifting are both allowed, every second attempt lifts."""
-        scene = self.scene
-        if scene.motion == "auto" and attempt % 2 == 1:
-            scene = replace(scene, motion="spatial")
-        limit = min(self._time_left(), WAYPOINT_TIME)
-        return self.backend.plan_waypoints(scene, self.start, goal.object, goal, self._seed(), limit)
+    def bring(self, errand: Errand, course: Course) -> Course:
+        """The algorithm for an obstacle: its object is brought to its goal, from where the course has come to.
 
-    def _segments(self, goal: Goal, poses: np.ndarray) -> tuple[list[SegmentMotion], np.ndarray] | None:
-        """The main loop: contacts and motions until the object is at its goal; None when a waypoint cannot be left."""
-        state, motions, waypoints = self.start.copy(), [], []
+        Raises:
+            HmapError: there is no way, or it could not be gone; the last failure as reason.
+        """
+        self.last_failure, self.last_code = "nothing was tried yet", Code.NO_MOTION
+        for attempt in range(REMOVAL_ROUNDS):
+            found = self._attempt(errand, course, attempt)
+            if found is not None:
+                return found[0]
+        raise PlannerError(self.last_failure, self.last_code)
+
+    def _attempt(self, errand: Errand, course: Course, attempt: int) -> tuple[Course, np.ndarray] | None:
+        """One object path, what is in its way put aside, and its segments; None when something of it fails.
+
+        Raises WaypointError or InputError when there is no path, RemovalError when what is in its way cannot go,
+        ContactError when the task's goal is out of reach.
+        """
+        object = errand.goal.object
+        self._report("waypoints", text=f"path of '{object}' {errand.reason}")
+        poses, blockers = self._way(errand, course, attempt)
+        self.counts["waypoint_plans"] += 1
+        known = None
+        if blockers:
+            errand.raise_if_alone(blockers[0])
+            _, known = self._unhindered(errand, course, poses, blockers)
+            if known is None:
+                return self._stuck(errand, poses)
+            blockers = met(self.scene, course.state, object, poses, blockers)
+            course = self.clearing.clear(errand, course, known.more_than(blockers), known.ways)
+        found = self._segments(errand, course, poses, known)
+        return self._stuck(errand, poses) if found is None else found
+
+    def _stuck(self, errand: Errand, poses: np.ndarray) -> None:
+        """Looks why the task's object got stuck: raises ContactError when its goal is out of reach."""
+        if errand.depth == 0 and self.last_code == Code.NO_CONTACT:
+            self._check_reach(errand.goal, poses[-GOAL_POSES:])
+
+    def _way(self, errand: Errand, course: Course, attempt: int) -> tuple[np.ndarray, tuple[str, ...]]:
+        """Poses of the object on a path to its goal, and the removable bodies that are in its way."""
+        goal, state = errand.goal, course.state
+        scene = self._path_scene(errand, course, attempt)
+        limit = WAYPOINT_TIME if errand.depth == 0 else PLACE_TIME
+        try:
+            return self._path(scene, state, goal, limit).poses, ()
+        except NoObjectPath as error:
+            if not error.free_without:
+                raise
+            blockers, path = error.free_without, error.path_without
+        if path is None:
+            path = self._path(without(scene, blockers), state, goal, limit)
+        return path.poses, blockers
+
+    def _path_scene(self, errand: Errand, course: Course, attempt: int) -> Scene:
+        """The scene as the search for a path has to see it.
+
+        Where sliding and lifting are both allowed, as they are for obstacles, every second attempt lifts.
+        """
+        motion = self.scene.motion if errand.depth == 0 else "auto"
+        if motion == "auto" and attempt % 2 == 1:
+            motion = "spatial"
+        removable = {name: self.scene.removable[name] for name in may_go(self.scene, errand, course)}
+        return replace(self.scene, motion=motion, removable=removable)
+
+    def _path(self, scene: Scene, state: SceneState, goal: Goal, limit: float) -> ObjectPath:
+        limit = min(self._time_left(), limit)
+        return self.backend.plan_waypoints(scene, state, goal.object, goal, self._seed(), limit)
+
+    def _segments(
+        self, errand: Errand, course: Course, poses: np.ndarray, known: Unhindered | None = None
+    ) -> tuple[Course, np.ndarray] | None:
+        """The main loop: contacts and motions until the object is at its goal; None when a waypoint cannot be left.
+
+        ``known`` is what worked at the first waypoint before obstacles were put aside.
+        """
+        object, waypoints = errand.goal.object, []
         at = 0
         while at < len(poses) - 1:
-            ahead = np.concatenate([state.poses[goal.object][None], poses[at + 1 :]])
-            step = self._step(goal.object, state, ahead, at, len(poses) - 1)
+            state = course.state
+            ahead = np.concatenate([state.poses[object][None], poses[at + 1 :]])
+            backend = self._backend_for(errand)
+            backend = backend if known is None else Reminded(backend, known.contact, ahead)
+            step = self._step_of(self.scene, backend, object, state, ahead, (at, len(poses) - 1))
+            known = None
+            if step is None:
+                step, known = self._unhindered(errand, course, ahead)
+                if known is not None:
+                    course = self.clearing.clear(errand, course, known.in_the_way, known.ways)
+                    continue
             if step is None:
                 return None
             motion, reach = step
-            motions.append(motion)
-            state = state_after(state, motion)
+            course = replace(course, state=state_after(state, motion), motions=(*course.motions, motion))
             at += reach
             waypoints.append(poses[at])
-        return motions, np.array(waypoints).reshape(-1, 7)
+        return course, np.array(waypoints).reshape(-1, 7)
+
+    def _unhindered(self, errand: Errand, course: Course, ahead: np.ndarray, blockers: tuple[str, ...] = ()):
+        """What can be done at a waypoint when removable bodies are gone: only the ``blockers``, else all of them.
+
+        Returns (motion and reach, None) where the motion hits none of them, (None, Unhindered) where it does, and
+        (None, None) where there is none even so.
+        """
+        object, state, names = errand.goal.object, course.state, may_go(self.scene, errand, course)
+        for gone in dict.fromkeys((blockers, names)) if names else ():
+            if not gone:
+                continue
+            bare = without(self.scene, gone)
+            backend = Considerate(self._backend_for(errand), self.scene, gone)
+            step = self._step_of(bare, backend, object, state, ahead, (0, len(ahead) - 1))
+            if step is None:
+                continue
+            hit = in_motion(self.scene, state, step[0], gone)
+            if not hit and not blockers:
+                return step, None
+            ways = [object_sweep(self.scene, object, ahead), *motion_sweeps(self.scene, state, step[0], CONTACT_ROOM)]
+            return None, Unhindered(backend.solved, hit, tuple(ways))
+        return None, None
+
+    def _backend_for(self, errand: Errand) -> Backend:
+        return Whole(self.backend) if errand.whole else self.backend
+
+    def _step_of(self, scene: Scene, backend: Backend, object: str, state: SceneState, ahead: np.ndarray, progress):
+        """:meth:`_step` in another scene or with another backend; ``progress`` is (waypoint, of how many)."""
+        other = copy(self)
+        other.scene, other.backend = scene, backend
+        step = other._step(object, state, ahead, *progress)
+        self.last_failure, self.last_code = other.last_failure, other.last_code
+        return step
 
     def _step(self, object: str, state: SceneState, ahead: np.ndarray, at: int, total: int):
         """The inner loop: contacts at one waypoint until one gives a motion. Returns (motion, reach) or None."""
@@ -141,18 +261,20 @@ class Planner:
             self.last_failure, self.last_code = str(error), error.code
             return None
 
-    def _finished(self, motions: list[SegmentMotion], waypoints: np.ndarray) -> Plan | None:
+    def _finished(self, course: Course, waypoints: np.ndarray) -> Plan | None:
         """The plan, once the judge has accepted it; None when it has not."""
         planning_time = time.monotonic() - self.began
-        kinds = [s.kind for m in motions for s in m.segments]
+        kinds = [s.kind for m in course.motions for s in m.segments]
         stats = {
             "planning_time_s": planning_time,
             "waypoints": len(waypoints),
             "contacts": sum(kind != SegmentKind.TRANSIT for kind in kinds),
             "mode_switches": max(0, len(kinds) - 1),
+            "removals": len(course.aside),
+            "removal_depth": course.depth,
             **self.counts,
         }
-        plan = assemble(self.scene, self.start, motions, waypoints, stats)
+        plan = assemble(self.scene, self.start, course.motions, waypoints, stats)
         self._report("checking", len(waypoints), len(waypoints), text="the judge looks at the plan")
         report = check(to_dict(plan))
         if not report.valid:
@@ -192,19 +314,23 @@ class Planner:
     def _check_reach(self, goal: Goal, last_poses: np.ndarray) -> None:
         """Raises ContactError when no robot could bring the object along the last poses, whatever the way there."""
         there = self.start.copy()
+        scene = without(self.scene, self.scene.removable)
         there.poses[goal.object] = last_poses[0]
-        try:
-            self.backend.propose_contacts(
-                self.scene, there, goal.object, last_poses, tuple(self.scene.robots), None, 1, self._seed(),
-                self._time_left(),
-            )  # fmt: skip
-        except ContactError as error:
-            place = ", ".join(f"{v:.3f}" for v in goal.pose[:3])
-            raise ContactError(
-                f"the goal of '{goal.object}' at ({place}) is out of reach of {', '.join(self.scene.robots)}: "
-                "no contact can bring it there",
-                Code.OUT_OF_REACH,
-            ) from error
+        for _ in range(REACH_TRIES):
+            try:
+                self.backend.propose_contacts(
+                    scene, there, goal.object, last_poses, tuple(self.scene.robots), None, 1, self._seed(),
+                    self._time_left(),
+                )  # fmt: skip
+                return
+            except ContactError as error:
+                failure = error
+        place = ", ".join(f"{v:.3f}" for v in goal.pose[:3])
+        raise ContactError(
+            f"the goal of '{goal.object}' at ({place}) is out of reach of {', '.join(self.scene.robots)}: "
+            "no contact can bring it there",
+            Code.OUT_OF_REACH,
+        ) from failure
 
     def _report(self, phase: str, waypoint: int = 0, waypoints: int = 0, attempt: int = 0, text: str = "") -> None:
         self._progress(Progress(phase, waypoint, waypoints, attempt, text))

@@ -1,5 +1,6 @@
 """Segments put one after the other into a plan."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +25,9 @@ def state_after(state: SceneState, motion: SegmentMotion) -> SceneState:
     return after
 
 
-def assemble(scene: Scene, state: SceneState, motions: list[SegmentMotion], waypoints: np.ndarray, stats: dict) -> Plan:
+def assemble(
+    scene: Scene, state: SceneState, motions: Sequence[SegmentMotion], waypoints: np.ndarray, stats: dict
+) -> Plan:
     """The plan that starts in ``state`` and goes through all motions; neighbours share a sample."""
     movable = [name for name, body in scene.bodies.items() if body.kind != BodyKind.FIXED]
     joints = {name: [q[None]] for name, q in state.q.items()}

@@ -1,0 +1,85 @@
+"""Which bodies are in the way of a hand, or stand on another one."""
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hmap_core.collision.convex import set_distance
+from hmap_core.komo.shapes import body_set
+from hmap_core.planner.interfaces import RobotContact, SegmentMotion
+from hmap_core.planner.local import placed_bodies
+from hmap_core.planner.sweep import Sweep, motion_sweeps, nearest, placed
+from hmap_core.types import BodyKind, Scene, SceneState
+from hmap_core.waypoints import standing
+
+PENETRATION = 1e-3  # m that a body may be inside another, as the judge of plans allows
+HAND_MARGIN = 0.005  # m that links and what they carry keep from other bodies, and a little more
+CONTACT_ROOM = 0.12  # m round a contact within which the hand's way is given: it comes and leaves straight
+LIFT = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])  # m, to where a body stands on nothing
+
+
+def without(scene: Scene, names: Collection[str]) -> Scene:
+    """The scene without some bodies."""
+    bodies = {name: body for name, body in scene.bodies.items() if name not in names}
+    removable = {name: T for name, T in scene.removable.items() if name not in names}
+    return replace(scene, bodies=bodies, removable=removable)
+
+
+def met(scene: Scene, state: SceneState, object: str, poses: np.ndarray, names: Iterable[str]) -> tuple[str, ...]:
+    """Some bodies in the order in which the path (M, 7) of an object runs into them; the others last."""
+    bodies = placed(scene, state, names)
+    shapes = body_set(scene.bodies[object])
+
+    def first(name: str) -> int:
+        hits = (k for k, T in enumerate(poses) if nearest([Sweep(shapes, T[None])], {name: bodies[name]}, 0.0))
+        return next(hits, len(poses))
+
+    return tuple(sorted(bodies, key=first))
+
+
+def in_motion(scene: Scene, state: SceneState, motion: SegmentMotion, names: Iterable[str]) -> tuple[str, ...]:
+    """Those bodies that a motion would hit: round its contacts, or on the rest of its way where there are none."""
+    bodies = placed(scene, state, names)
+    for room in (CONTACT_ROOM, np.inf):
+        hit = nearest(motion_sweeps(scene, state, motion, room), bodies, HAND_MARGIN)
+        if hit:
+            return tuple(hit)
+    return ()
+
+
+def carried_by(scene: Scene, state: SceneState, name: str) -> tuple[str, ...]:
+    """The bodies that would fall if a body were taken away."""
+    found = []
+    for other, body in scene.bodies.items():
+        T = state.poses[other]
+        if other == name or body.kind == BodyKind.FIXED:
+            continue
+        apart = set_distance(body_set(body), T, body_set(scene.bodies[name]), state.poses[name], 2 * PENETRATION)
+        if apart > PENETRATION:
+            continue
+        around = placed_bodies(scene, state, other)
+        poses = np.array([T + LIFT, T])
+        left = tuple(b for b in around if b.name != name)
+        if standing(body, poses, around)[1] and not standing(body, poses, left)[1]:
+            found.append(other)
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class Unhindered:
+    """How a waypoint could be left if removable bodies were gone.
+
+    Attributes:
+        contact: with which.
+        in_the_way: bodies that the motion hits.
+        ways: where the object and the robot pass.
+    """
+
+    contact: RobotContact
+    in_the_way: tuple[str, ...]
+    ways: tuple[Sweep, ...]
+
+    def more_than(self, names: Sequence[str]) -> list[str]:
+        """Some bodies, and then what else is in the way."""
+        return [*names, *(name for name in self.in_the_way if name not in names)]

@@ -1,0 +1,174 @@
+"""Obstacles that have to go first: what is removed, in which order, how deep, and what is said when one cannot go."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from obstacle_fixtures import corridor, crowded, eight, gap, heavy_slab, side_door, task, tower
+
+from hmap_core.exceptions import Code, PlannerError
+from hmap_core.plan_file import to_dict
+from hmap_core.planner import Planner, plan
+from hmap_core.planner.clearing import Clearing, Course, Errand, RemovalError
+from hmap_core.types import Goal
+from hmap_core.validation import check
+
+TIME_LIMIT = 120.0  # s; a busy machine is slow
+
+
+def moved(made) -> list[str]:
+    """The movable bodies in the order in which they are last let go of."""
+    order = {s.object: s.end for s in made.segments if s.object}
+    return sorted(order, key=order.get)
+
+
+def assert_valid(made, removed: int, depth: int = 1) -> None:
+    """The judge accepts the whole plan, and it says how much had to go."""
+    report = check(to_dict(made))
+    assert report.valid, report.violations[:3]
+    assert (made.stats["removals"], made.stats["removal_depth"]) == (removed, depth)
+    assert len(moved(made)) == removed + 1 and moved(made)[-1] == made.scene.goal.object
+
+
+@pytest.mark.parametrize("mode", ["physical", "kinematic"])
+def test_one_of_two_boxes_in_a_gap_is_put_aside(tmp_path, mode):
+    made = plan(gap(tmp_path, mode=mode), seed=1, time_limit=TIME_LIMIT)
+    assert_valid(made, removed=1)
+
+
+def test_a_given_place_is_taken(tmp_path):
+    removable = {"one": (0.3, 0.4, 0.04), "two": (0.7, 0.4, 0.04)}
+    scene = gap(tmp_path, removable)
+    made = plan(scene, seed=1, time_limit=TIME_LIMIT)
+    assert_valid(made, removed=1)
+    name = moved(made)[0]
+    np.testing.assert_allclose(made.trajectory.objects[name][-1], scene.removable[name], atol=1e-3)
+
+
+def test_a_given_place_that_is_taken_gives_way_to_a_computed_one(tmp_path):
+    made = plan(gap(tmp_path, {"one": (0.9, 0.25, 0.04), "two": (0.9, 0.25, 0.04)}), seed=1, time_limit=TIME_LIMIT)
+    assert_valid(made, removed=1)
+
+
+def test_a_tower_is_taken_down_from_its_top(tmp_path):
+    made = plan(tower(tmp_path), seed=1, time_limit=TIME_LIMIT)
+    assert_valid(made, removed=2, depth=2)
+    assert moved(made) == ["upper", "lower", "brick"]
+
+
+def test_what_the_path_meets_first_goes_first(tmp_path):
+    made = plan(corridor(tmp_path), seed=1, time_limit=TIME_LIMIT)
+    assert_valid(made, removed=2)
+    assert moved(made) == ["outer", "inner", "brick"]
+
+
+def test_what_blocks_only_an_obstacle_is_removed_for_its_sake(tmp_path):
+    made = plan(side_door(tmp_path), seed=0, time_limit=TIME_LIMIT)
+    assert_valid(made, removed=2, depth=2)
+    assert moved(made) == ["outer", "inner", "brick"]
+
+
+def test_boxes_in_the_hands_way_are_put_aside_though_the_object_could_pass(tmp_path):
+    scene = crowded(tmp_path, motion="auto")
+    made = plan(scene, seed=0, time_limit=TIME_LIMIT)
+    assert_valid(made, removed=made.stats["removals"])
+    assert 1 <= made.stats["removals"] < 4
+
+
+def test_of_eight_boxes_only_the_two_in_the_way_go(tmp_path):
+    planner = Planner(eight(tmp_path), seed=1, time_limit=TIME_LIMIT)
+    made = planner.plan()
+    assert_valid(made, removed=2)
+    assert set(moved(made)) == {"box_0", "box_1", "brick"}
+    assert planner.clearing.begun == 2
+
+
+def test_an_obstacle_that_cannot_be_moved_is_named(tmp_path):
+    seen = []
+    with pytest.raises(PlannerError, match="'slab' is in the way of 'brick' and cannot be put aside: .*slab") as error:
+        plan(heavy_slab(tmp_path, motion="auto"), seed=1, time_limit=TIME_LIMIT, progress=seen.append)
+    assert (error.value.stage, error.value.code) == ("planner", Code.NO_CONTACT)
+    assert "path of 'slab' out of the way of 'brick'" in [p.text for p in seen]
+
+
+def test_a_body_that_may_not_be_moved_keeps_what_carries_it(tmp_path):
+    boxes = {"lower": ((0.06, 0.14, 0.06), (0.5, 0.25, 0.03)), "upper": ((0.05, 0.05, 0.05), (0.5, 0.29, 0.085))}
+    start, goal = (0.5, -0.1, 0.04), (0.5, 0.2, 0.04)
+    scene = task(tmp_path, "A load that stays.", {}, boxes, {"lower": None}, start, goal)
+    with pytest.raises(PlannerError, match="'lower' is in the way of 'brick'.*'lower' carries 'upper'"):
+        plan(scene, seed=1, time_limit=TIME_LIMIT)
+
+
+def test_the_same_seed_removes_alike(tmp_path):
+    scene = gap(tmp_path)
+    first, second = (plan(scene, seed=3, time_limit=TIME_LIMIT) for _ in range(2))
+    for name, poses in first.trajectory.objects.items():
+        np.testing.assert_array_equal(poses, second.trajectory.objects[name])
+
+
+class Scripted:
+    """A planner that brings a body only once all that bars its way has gone, and says what it was asked."""
+
+    def __init__(self, scene, bars: dict[str, set[str]]):
+        self.scene, self.bars = scene, bars
+        self.rng = np.random.default_rng(0)
+        self.asked: list[str] = []
+
+    def bring(self, errand, course):
+        name = errand.goal.object
+        self.asked.append(name)
+        left = self.bars.get(name, set()) - set(course.aside)
+        if left:
+            raise PlannerError(f"'{name}' is stuck behind {', '.join(sorted(left))}", Code.NO_MOTION)
+        state = course.state.copy()
+        state.poses[name] = errand.goal.pose
+        return replace(course, state=state)
+
+
+def cleared(scene, bars) -> tuple[Course, Scripted, Clearing]:
+    planner = Scripted(scene, bars)
+    clearing = Clearing(planner)
+    course = clearing.clear(Errand(scene.goal), Course(scene.start_state()), list(scene.removable), ())
+    return course, planner, clearing
+
+
+def test_what_cannot_go_yet_goes_last(tmp_path):
+    scene = eight(tmp_path)
+    names = list(scene.removable)
+    bars = {name: {after} for name, after in zip(names, names[1:], strict=False)}
+    course, _, clearing = cleared(scene, bars)
+    assert course.aside == tuple(reversed(names))
+    assert clearing.begun <= len(names) ** 2
+
+
+def test_a_circle_of_obstacles_ends_with_a_reason_after_few_tries(tmp_path):
+    scene = eight(tmp_path)
+    names = list(scene.removable)
+    planner = Scripted(scene, {name: set(names) - {name} for name in names})
+    clearing = Clearing(planner)
+    with pytest.raises(RemovalError, match="cannot be put aside: 'box_7' is stuck behind box_0"):
+        clearing.clear(Errand(scene.goal), Course(scene.start_state()), names, ())
+    assert clearing.begun == len(names)
+
+
+def test_time_that_is_up_ends_the_clearing_at_once(tmp_path):
+    scene = eight(tmp_path)
+    planner = Scripted(scene, {})
+
+    def late(errand, course):
+        planner.asked.append(errand.goal.object)
+        raise PlannerError("time is up", Code.TIME_LIMIT)
+
+    planner.bring = late
+    with pytest.raises(PlannerError, match="time is up"):
+        Clearing(planner).clear(Errand(scene.goal), Course(scene.start_state()), ["box_0", "box_1"], ())
+    assert planner.asked == ["box_0"]
+
+
+def test_an_errand_that_must_manage_alone_removes_nothing(tmp_path):
+    scene = eight(tmp_path)
+    planner = Scripted(scene, {})
+    errand = Errand(Goal("box_2", scene.bodies["box_2"].pose), depth=1, alone=True)
+    with pytest.raises(RemovalError, match="'box_0' is in the way of 'box_2'"):
+        Clearing(planner).clear(errand, Course(scene.start_state()), ["box_0"], ())
+    assert planner.asked == []
