@@ -34,6 +34,8 @@ class WaypointPlanner(HmapNode):
             response.blocking = list(error.blockers)
             response.removal_known = error.free_without is not None
             response.free_without = list(error.free_without or ())
+            if error.path_without is not None:
+                path_to_response(error.path_without, name, response)
             return
         path_to_response(path, name, response)
 

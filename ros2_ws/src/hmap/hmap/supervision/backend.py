@@ -42,7 +42,8 @@ class RosBackend:
             if response is None:
                 raise
             without = tuple(response.free_without) if response.removal_known else None
-            raise NoObjectPath(error.reason, tuple(response.blocking), without) from None
+            path = path_from_response(response) if response.path.poses else None
+            raise NoObjectPath(error.reason, tuple(response.blocking), without, path) from None
         return path_from_response(response)
 
     def propose_contacts(
