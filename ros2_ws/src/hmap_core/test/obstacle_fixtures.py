@@ -130,7 +130,7 @@ def heavy_slab(folder: Path, **options) -> Scene:
 
 
 def side_door(folder: Path, **options) -> Scene:
-    """A brick that fits through the side door of a cell; the box in it fits only through the front, where another is."""
+    """A brick fits through the side door of a cell; the box in it only through the front, where another one stands."""
     walls = {
         "north_1": ((0.015, 0.02, 0.12), (0.6125, 0.048, 0.06)),
         "north_2": ((0.025, 0.02, 0.12), (0.6925, 0.048, 0.06)),
@@ -140,5 +140,5 @@ def side_door(folder: Path, **options) -> Scene:
     }
     boxes = {"inner": ((0.07, 0.07, 0.08), (0.65, 0.0, 0.04)), "outer": ((0.07, 0.07, 0.08), (0.56, 0.0, 0.04))}
     removable = {"inner": None, "outer": None}
-    start, goal = (0.5, 0.3, 0.04), (0.65, 0.0, 0.04)
+    start, goal = (0.5, 0.3, 0.04), (0.65, 0.03, 0.04)
     return task(folder, "In by the side door.", walls, boxes, removable, start, goal, mode="kinematic", **options)

@@ -8,7 +8,7 @@ from hmap_core.collision.convex import set_distance
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner.local import placed_bodies
 from hmap_core.planner.obstruction import carried_by, met
-from hmap_core.planner.removal import MIN_SPACE, level_faces, removal_places
+from hmap_core.planner.removal import MIN_SPACE, given_place, level_faces, removal_places
 from hmap_core.planner.sweep import joined, nearest, object_sweep, placed, robot_sweeps
 from hmap_core.transforms import interpolate, pose
 from hmap_core.waypoints import standing
@@ -53,12 +53,13 @@ def test_places_on_the_same_support_come_first_and_near_ones_before_far_ones(tmp
     np.testing.assert_array_equal(places[0][3:], start[3:])
 
 
-def test_the_given_place_comes_first_unless_it_is_in_the_way(tmp_path):
+def test_a_given_place_counts_unless_it_is_in_the_way(tmp_path):
     scene = gap(tmp_path, {"one": (0.3, 0.4, 0.04), "two": (0.5, 0.4, 0.04)})
     way = [brick_way(scene)]
-    np.testing.assert_allclose(places_of(scene, "one", way)[0][:3], (0.3, 0.4, 0.04))
-    first = places_of(scene, "two", way)[0]
-    assert np.linalg.norm(first[:3] - (0.5, 0.4, 0.04)) > 0.02
+    np.testing.assert_allclose(given_place(scene, "one", way)[0][:3], (0.3, 0.4, 0.04))
+    assert given_place(scene, "two", way) == []
+    assert len(given_place(scene, "two", [])) == 1
+    assert given_place(gap(tmp_path), "one", way) == []
 
 
 def test_the_same_seed_gives_the_same_places(tmp_path):

@@ -12,10 +12,11 @@ from hmap_core.exceptions import Code, ContactError, HmapError, InputError, Moti
 from hmap_core.plan_file import to_dict
 from hmap_core.planner.assembly import assemble, scene_at
 from hmap_core.planner.clearing import Clearing, Course, Errand, RemovalError, may_go
+from hmap_core.planner.filters import Considerate, Reminded, Whole
 from hmap_core.planner.interfaces import Backend, Grip, Progress, ProgressCallback, RobotContact, SegmentMotion
 from hmap_core.planner.local import LocalBackend, placed_bodies
 from hmap_core.planner.motion import standing_collision
-from hmap_core.planner.obstruction import CONTACT_ROOM, Considerate, in_motions, met, without
+from hmap_core.planner.obstruction import CONTACT_ROOM, Unhindered, in_motions, met, without
 from hmap_core.planner.sweep import motion_sweeps, object_sweep
 from hmap_core.planner.tools import holding, tools_of
 from hmap_core.transforms import inverse, multiply
@@ -28,7 +29,7 @@ WAYPOINT_ROUNDS = 6  # object paths tried
 BLOCKED_ROUNDS = 2  # of these, in which an obstacle could not be put out of the way
 REMOVAL_ROUNDS = 2  # of an obstacle: sliding where it can, and lifted
 WAYPOINT_TIME = 10.0  # s for one of them
-PLACE_TIME = 0.5  # s for the path of an obstacle to one of several places
+PLACE_TIME = 2.0  # s for the path of an obstacle to one of several places
 REACH_TRIES = 2  # samplings of contacts without success, after which the goal counts as out of reach
 TOOLS_TRIED = 6  # holds on tools that are tried at one waypoint
 GOAL_SHARE = 0.5  # of the goal's tolerance that a plan may use so that the object need not be turned
@@ -140,17 +141,24 @@ class Planner:
         self._report("waypoints", text=f"path of '{object}' {errand.reason}")
         poses, blockers = self._way(errand, course, attempt)
         self.counts["waypoint_plans"] += 1
+        known = None
         if blockers:
-            ways = [object_sweep(self.scene, object, poses)]
+            errand.raise_if_alone(blockers[0])
+            _, known = self._unhindered(errand, course, poses, blockers)
+            if known is None:
+                return self._stuck(errand, poses)
             blockers = met(self.scene, course.state, object, poses, blockers)
-            course = self.clearing.clear(errand, course, blockers, ways)
-        found = self._segments(errand, course, poses)
+            course = self.clearing.clear(errand, course, known.more_than(blockers), known.ways)
+        found = self._segments(errand, course, poses, known)
         if found is None:
             slid = self._slid_first(errand, course, poses)
             found = None if slid is None else self._segments(errand, course, slid)
-        if found is None and errand.depth == 0 and self.last_code == Code.NO_CONTACT:
+        return self._stuck(errand, poses) if found is None else found
+
+    def _stuck(self, errand: Errand, poses: np.ndarray) -> None:
+        """Looks why the task's object got stuck: raises ContactError when its goal is out of reach."""
+        if errand.depth == 0 and self.last_code == Code.NO_CONTACT:
             self._check_reach(errand.goal, poses[-GOAL_POSES:])
-        return found
 
     def _way(self, errand: Errand, course: Course, attempt: int) -> tuple[np.ndarray, tuple[str, ...]]:
         """Poses of the object on a path to its goal, and the removable bodies that are in its way."""
@@ -192,20 +200,28 @@ class Planner:
         limit = min(self._time_left(), limit)
         return self.backend.plan_waypoints(scene, state, goal.object, goal, self._seed(), limit)
 
-    def _segments(self, errand: Errand, course: Course, poses: np.ndarray) -> tuple[Course, np.ndarray] | None:
-        """The main loop: contacts and motions until the object is at its goal; None when a waypoint cannot be left."""
+    def _segments(
+        self, errand: Errand, course: Course, poses: np.ndarray, known: Unhindered | None = None
+    ) -> tuple[Course, np.ndarray] | None:
+        """The main loop: contacts and motions until the object is at its goal; None when a waypoint cannot be left.
+
+        ``known`` is what worked at the first waypoint before obstacles were put aside.
+        """
         object, waypoints = errand.goal.object, []
         at = 0
         while at < len(poses) - 1:
             ahead = np.concatenate([course.state.poses[object][None], poses[at + 1 :]])
-            step = self._step(object, course, ahead, at, len(poses) - 1)
+            backend = self._backend_for(errand)
+            backend = backend if known is None else Reminded(backend, known.contact, ahead)
+            step = self._step_of(self.scene, backend, object, course, ahead, (at, len(poses) - 1))
+            known = None
             if step is None:
-                step, blockers, ways = self._around(errand, course, ahead)
-                if blockers:
+                step, known = self._unhindered(errand, course, ahead)
+                if known is not None:
                     course = self._put_down(course)
                     if course is None:
                         return None
-                    course = self.clearing.clear(errand, course, blockers, ways)
+                    course = self.clearing.clear(errand, course, known.in_the_way, known.ways)
                     continue
             if step is None:
                 return None
@@ -215,27 +231,40 @@ class Planner:
         course = self._put_down(course)
         return None if course is None else (course, np.array(waypoints).reshape(-1, 7))
 
-    def _around(self, errand: Errand, course: Course, ahead: np.ndarray):
-        """What could be done at a waypoint that cannot be left if nothing removable were there.
+    def _unhindered(self, errand: Errand, course: Course, ahead: np.ndarray, blockers: tuple[str, ...] = ()):
+        """What can be done at a waypoint when removable bodies are gone: only the ``blockers``, else all of them.
 
-        Returns (course and reach of a motion that hits none of them, or None; those that are in the hand's way; where
-        the motion passes).
+        Returns (course and reach, None) where the motion hits none of them, (None, Unhindered) where it does, and
+        (None, None) where there is none even so.
         """
-        state, names = course.state, may_go(self.scene, errand, course)
-        if not names:
-            return None, (), ()
-        bare = copy(self)
-        bare.scene = without(self.scene, names)
-        bare.backend = Considerate(self.backend, self.scene, names)
-        step = bare._step(errand.goal.object, course, ahead, 0, len(ahead) - 1)
-        if step is None:
-            return None, (), ()
-        motions = step[0].motions[len(course.motions) :]
-        hit = in_motions(self.scene, state, motions, names)
-        sweeps = [object_sweep(self.scene, errand.goal.object, ahead)]
-        for motion in motions:
-            sweeps += motion_sweeps(self.scene, state, motion, CONTACT_ROOM)
-        return (None, hit, sweeps) if hit else (step, (), ())
+        object, state, names = errand.goal.object, course.state, may_go(self.scene, errand, course)
+        for gone in dict.fromkeys((blockers, names)) if names else ():
+            if not gone:
+                continue
+            bare = without(self.scene, gone)
+            backend = Considerate(self._backend_for(errand), self.scene, gone)
+            step = self._step_of(bare, backend, object, course, ahead, (0, len(ahead) - 1))
+            if step is None:
+                continue
+            motions = step[0].motions[len(course.motions) :]
+            hit = in_motions(self.scene, state, motions, gone)
+            if not hit and not blockers:
+                return step, None
+            ways = [object_sweep(self.scene, object, ahead)]
+            ways += [way for motion in motions for way in motion_sweeps(self.scene, state, motion, CONTACT_ROOM)]
+            return None, Unhindered(backend.solved, hit, tuple(ways))
+        return None, None
+
+    def _backend_for(self, errand: Errand) -> Backend:
+        return Whole(self.backend) if errand.whole else self.backend
+
+    def _step_of(self, scene: Scene, backend: Backend, object: str, course: Course, ahead: np.ndarray, progress):
+        """:meth:`_step` in another scene or with another backend; ``progress`` is (waypoint, of how many)."""
+        other = copy(self)
+        other.scene, other.backend = scene, backend
+        step = other._step(object, course, ahead, *progress)
+        self.last_failure, self.last_code = other.last_failure, other.last_code
+        return step
 
     def _step(self, object: str, course: Course, ahead: np.ndarray, at: int, total: int):
         """The inner loop: contacts at one waypoint until one gives a motion.

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice
+from itertools import islice, takewhile
 from typing import Protocol
 
 import numpy as np
@@ -11,13 +11,15 @@ from hmap_core.exceptions import Code, HmapError, PlannerError
 from hmap_core.planner.assembly import state_after
 from hmap_core.planner.interfaces import Grip, SegmentMotion
 from hmap_core.planner.obstruction import carried_by
-from hmap_core.planner.removal import removal_places
+from hmap_core.planner.removal import given_place, removal_places
 from hmap_core.planner.sweep import Sweep
 from hmap_core.types import Goal, Scene, SceneState
 
-PLACES = 10  # tried for one obstacle
-PLACES_WITHOUT_CONTACT = 3  # after which it counts as out of reach
+PLACES = 10  # for one obstacle to which one contact is to carry it
+PLACES_WITHOUT_CONTACT = 4  # after which several contacts are tried
+PLACES_BY_STAGES = 3  # to which several contacts in turn are tried
 PLACES_BLOCKED = 2  # to which other bodies bar the way, after which these are put aside as well
+_STUCK = (Code.NO_CONTACT, Code.NO_MOTION)
 _FINAL = (Code.TIME_LIMIT, Code.CANCELED, Code.SERVICE_UNAVAILABLE)
 
 
@@ -31,6 +33,7 @@ class Errand:
         keep_out: where these will pass; nothing may be put there.
         depth: how many instances are above it.
         alone: it fails where something else would have to go first.
+        whole: one contact has to carry its object all the way.
         reason: for people: why.
     """
 
@@ -39,7 +42,13 @@ class Errand:
     keep_out: tuple[Sweep, ...] = ()
     depth: int = 0
     alone: bool = False
+    whole: bool = False
     reason: str = "to its goal"
+
+    def raise_if_alone(self, blocker: str) -> None:
+        """Raises BlockedError when nothing that is in the way may be moved."""
+        if self.alone:
+            raise BlockedError(f"'{blocker}' is in the way of '{self.goal.object}'", Code.NO_OBJECT_PATH)
 
 
 @dataclass(frozen=True)
@@ -121,8 +130,7 @@ class Clearing:
         Raises:
             RemovalError: one could not be put aside, with the reason.
         """
-        if errand.alone:
-            raise BlockedError(f"'{names[0]}' is in the way of '{errand.goal.object}'", Code.NO_OBJECT_PATH)
+        errand.raise_if_alone(names[0])
         waiting, failure = list(names), None
         while waiting:
             before = len(waiting)
@@ -163,45 +171,36 @@ class Clearing:
             others = may_go(scene, own, course)
             unsteady = waiting | own.busy | set(others)
             found = removal_places(scene, course.state, name, keep_out, unsteady, self.planner.rng)
-            places = islice(found, PLACES)
-            moved = self._to_first(places, replace(own, alone=True), own if others else None, course)
+            given = given_place(scene, name, keep_out)
+            moved = self._to_first(
+                given, islice(found, PLACES), replace(own, alone=True), own if others else None, course
+            )
         except HmapError as error:
             self.failed[key] = error
             raise
         return replace(moved, aside=(*moved.aside, name), depth=max(moved.depth, own.depth))
 
-    def _to_first(self, places: Iterable[np.ndarray], alone: Errand, own: Errand | None, course: Course) -> Course:
+    def _to_first(
+        self, given: Sequence[np.ndarray], places: Iterable[np.ndarray], alone: Errand, own: Errand | None, course
+    ) -> Course:
         """Brings a body to the first place to which it can go.
 
         Args:
+            given: what the task gives; places: those that are computed, the best first.
             alone: the errand as long as nothing else is moved.
             own: that which may move others; None where there are none.
         """
-        name = alone.goal.object
-        failure: HmapError = RemovalError(f"there is no free place for '{name}'", Code.NO_OBJECT_PATH)
-        blocked, without_contact = [], 0
-        for T in places:
-            try:
-                return self._bring(alone, T, course)
-            except BlockedError as error:
-                failure = error
-                blocked.append(T)
-            except HmapError as error:
-                raise_if_final(error)
-                failure = error
-                without_contact += error.code == Code.NO_CONTACT
-            if len(blocked) == PLACES_BLOCKED or without_contact == PLACES_WITHOUT_CONTACT:
-                break
-        for T in blocked if own else ():
-            try:
-                return self._bring(own, T, course)
-            except HmapError as error:
-                raise_if_final(error)
-                failure = error
-        raise failure
-
-    def _bring(self, errand: Errand, T: np.ndarray, course: Course) -> Course:
-        return self.planner.bring(replace(errand, goal=replace(errand.goal, pose=T)), course)
+        tries = _Tries(self.planner, course)
+        found = tries.first(alone, given)
+        if found is None:
+            found = tries.first(replace(alone, whole=True), takewhile(lambda _: not tries.enough, places))
+        if found is None:
+            found = tries.first(alone, tries.stuck[:PLACES_BY_STAGES])
+        if found is None and own is not None:
+            found = tries.first(own, tries.blocked[:PLACES_BLOCKED])
+        if found is None:
+            raise tries.failure or RemovalError(f"no place for '{alone.goal.object}' is free", Code.NO_OBJECT_PATH)
+        return found
 
     def _unload(self, name: str, own: Errand, course: Course) -> Course:
         """Puts aside what stands on a body."""
@@ -216,3 +215,41 @@ class Clearing:
         if self.begun >= most:
             raise RemovalError(f"{most} removals were begun, which is all that is tried", Code.NO_MOTION)
         self.begun += 1
+
+
+class _Tries:
+    """Tries to bring a body to one of several places, and how they ended.
+
+    Attributes:
+        blocked: places to which other bodies bar the way.
+        stuck: places to which there is a path, but no contacts or motions that follow it.
+        failure: why the last try failed.
+    """
+
+    def __init__(self, planner: Instance, course: Course):
+        self._planner, self._course = planner, course
+        self.blocked: list[np.ndarray] = []
+        self.stuck: list[np.ndarray] = []
+        self.failure: HmapError | None = None
+        self._without_contact = 0
+
+    @property
+    def enough(self) -> bool:
+        """Whether further places are not likely to be better."""
+        return len(self.blocked) >= PLACES_BLOCKED or self._without_contact >= PLACES_WITHOUT_CONTACT
+
+    def first(self, errand: Errand, places: Iterable[np.ndarray]) -> Course | None:
+        """The course after the errand to the first place that it gets to."""
+        for T in places:
+            try:
+                return self._planner.bring(replace(errand, goal=replace(errand.goal, pose=T)), self._course)
+            except BlockedError as error:
+                self.failure = error
+                self.blocked.append(T)
+            except HmapError as error:
+                raise_if_final(error)
+                self.failure = error
+                self._without_contact += error.code == Code.NO_CONTACT
+                if error.code in _STUCK:
+                    self.stuck.append(T)
+        return None

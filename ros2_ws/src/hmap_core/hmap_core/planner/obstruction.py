@@ -1,15 +1,15 @@
 """Which bodies are in the way of a hand, or stand on another one."""
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hmap_core.collision.convex import set_distance
 from hmap_core.komo.shapes import body_set
-from hmap_core.planner.interfaces import Backend, RobotContact, SegmentMotion
+from hmap_core.planner.interfaces import RobotContact, SegmentMotion
 from hmap_core.planner.local import placed_bodies
-from hmap_core.planner.sweep import Sweep, motion_sweeps, nearest, placed, robot_sweeps
+from hmap_core.planner.sweep import Sweep, motion_sweeps, nearest, placed
 from hmap_core.types import BodyKind, Scene, SceneState
 from hmap_core.waypoints import standing
 
@@ -69,22 +69,20 @@ def carried_by(scene: Scene, state: SceneState, name: str) -> tuple[str, ...]:
     return tuple(found)
 
 
-class Considerate:
-    """A backend that hands out first the contacts in which the robot is in the way of the fewest of some bodies."""
+@dataclass(frozen=True)
+class Unhindered:
+    """How a waypoint could be left if removable bodies were gone.
 
-    def __init__(self, backend: Backend, scene: Scene, names: Sequence[str]):
-        self._backend, self._scene, self._names = backend, scene, tuple(names)
-        self.plan_waypoints = backend.plan_waypoints
-        self.solve_segment = backend.solve_segment
-        self.grips, self.take, self.put_down = backend.grips, backend.take, backend.put_down
+    Attributes:
+        contact: with which; None where it takes a tool.
+        in_the_way: bodies that the motion hits.
+        ways: where the object and the robot pass.
+    """
 
-    def propose_contacts(self, scene: Scene, state: SceneState, *request) -> list[RobotContact]:
-        """As :meth:`hmap_core.planner.interfaces.Backend.propose_contacts`."""
-        contacts = self._backend.propose_contacts(scene, state, *request)
-        bodies = placed(self._scene, state, self._names)
-        return sorted(contacts, key=lambda contact: len(self._hit(contact, bodies)))
+    contact: RobotContact | None
+    in_the_way: tuple[str, ...]
+    ways: tuple[Sweep, ...]
 
-    def _hit(self, contact: RobotContact, bodies) -> dict[str, float]:
-        openings = np.full(len(contact.keyframes), contact.contact.opening)
-        sweeps = robot_sweeps(self._scene.robots[contact.robot], contact.keyframes, openings)
-        return nearest(sweeps, bodies, HAND_MARGIN)
+    def more_than(self, names: Sequence[str]) -> list[str]:
+        """Some bodies, and then what else is in the way."""
+        return [*names, *(name for name in self.in_the_way if name not in names)]

@@ -19,10 +19,12 @@ from hmap_core.waypoints.support import FACE_TOLERANCE, feet
 
 SAMPLES = 256  # places looked at on each face
 SEARCH_RADIUS = 0.8  # m from where the body is now
-REACH_SHARE = 0.95  # of an arm's reach, beyond which nothing is put
+REACH_SHARE = 0.8  # of the bound on an arm's reach, beyond which nothing is put
+COMFORT_SHARE = 0.55  # of it, beyond which an arm is stretched out
+STRETCH_WEIGHT = 2.0  # m of way that a metre beyond that is worth
 MIN_SPACE = 0.01  # m that have to be free round the body
 ROOM = 0.10  # m that a hand beside it needs; less counts as farther away
-ROOM_WEIGHT = 3.0  # m of way that a missing metre of room is worth
+ROOM_WEIGHT = 3.0  # m of way that a missing metre of room, or one that sticks out over an edge, is worth
 TURN_COST = 0.1  # m of way that a turn by a right angle is worth
 APART = 0.06  # m between two places on offer
 PER_GROUP = 4  # places of one sort on offer
@@ -56,6 +58,14 @@ def level_faces(scene: Scene, state: SceneState, without: frozenset[str]) -> lis
     return found
 
 
+def given_place(scene: Scene, name: str, keep_out: Sequence[Sweep]) -> list[np.ndarray]:
+    """The pose (7,) that the task gives for a body; none where there is none, or where something will pass."""
+    T = scene.removable.get(name)
+    if T is None or nearest(keep_out, {name: transformed(body_set(scene.bodies[name]), T)}, 0.0):
+        return []
+    return [T]
+
+
 def removal_places(
     scene: Scene,
     state: SceneState,
@@ -64,9 +74,9 @@ def removal_places(
     unsteady: frozenset[str],
     rng: np.random.Generator,
 ) -> Iterator[np.ndarray]:
-    """Poses (7,) at which a body is out of the way, the best first: the one that the task gives, then computed ones.
+    """Poses (7,) at which a body is out of the way, the best first.
 
-    Computed are places on what carries the body now, then on fixed bodies, then on movable ones; each first as the
+    They are places on what carries the body now, then on fixed bodies, then on movable ones; each first as the
     body is turned now and then turned by a right angle. Nearer ones come first, those with room for a hand round them
     before.
 
@@ -75,9 +85,6 @@ def removal_places(
         unsteady: bodies on which nothing may be put, as they will move.
     """
     search = _Search(scene, state, name, tuple(keep_out), rng)
-    given = scene.removable.get(name)
-    if given is not None and search.clear_of_ways(given) > 0.0:
-        yield np.asarray(given, float)
     faces = level_faces(scene, state, unsteady | {name})
     here = [f for f in faces if search.stands_on(f)]
     others = [f for f in faces if not search.stands_on(f)]
@@ -113,7 +120,7 @@ class _Search:
     def stands_on(self, face: Face) -> bool:
         """Whether the body is at the height of a face, and over it."""
         x, y = self.T[:2]
-        return abs(face.height - self.lowest) <= FACE_TOLERANCE and bool(_inside(face.polygon, np.array([[x, y]]))[0])
+        return abs(face.height - self.lowest) <= FACE_TOLERANCE and inside(face.polygon, np.array([[x, y]]))[0] >= 0.0
 
     def clear_of_ways(self, T: np.ndarray) -> float:
         """Distance in metres from where others will pass, at most ROOM."""
@@ -136,26 +143,26 @@ class _Search:
         turned = multiply(turn, np.r_[0.0, 0.0, 0.0, self.T[3:]])
         height = face.height - feet(self.shapes, rotation_matrix(turned))[1]
         xy = self._samples(face)
-        xy = xy[_inside(face.polygon, xy)]
+        xy = xy[inside(face.polygon, xy) >= 0.0]
         positions = np.column_stack([xy, np.full(len(xy), height)])
-        positions = positions[self._reachable(positions)]
+        positions = positions[self._stretch(positions, REACH_SHARE) <= 0.0]
         if not len(positions):
             return []
         poses = np.column_stack([positions, np.tile(turned[3:], (len(positions), 1))])
         holds = standing(self.scene.bodies[self.name], np.vstack([self.T, poses]), self.standing_bodies)[1:]
         around = self._above(face.height)
-        turn_cost = TURN_COST if yaw else 0.0
+        half = 0.5 * np.ptp(self.shapes.vertices @ rotation_matrix(turned).T, axis=0)[:2].min()  # as far over the edge
+        poses = poses[holds]
+        edge = np.maximum(0.0, half - inside(face.polygon, poses[:, :2]))
+        cost = np.linalg.norm(poses[:, :3] - self.T[:3], axis=1) + (TURN_COST if yaw else 0.0)
+        cost += STRETCH_WEIGHT * np.maximum(0.0, self._stretch(poses[:, :3], COMFORT_SHARE)) + ROOM_WEIGHT * edge
         found = []
-        for T in poses[holds]:
+        for T, way in zip(poses, cost, strict=True):
             body = {self.name: transformed(self.shapes, T)}
             space = nearest([around], body, ROOM).get(self.name, ROOM)
-            if space < MIN_SPACE:
-                continue
-            room = self.clear_of_ways(T)
-            if room < MIN_SPACE:
-                continue
-            missing = 2.0 * ROOM - space - room
-            found.append((np.linalg.norm(T[:3] - self.T[:3]) + ROOM_WEIGHT * missing + turn_cost, T))
+            room = self.clear_of_ways(T) if space >= MIN_SPACE else 0.0
+            if room >= MIN_SPACE:
+                found.append((way + ROOM_WEIGHT * (2.0 * ROOM - space - room), T))
         return found
 
     def _samples(self, face: Face) -> np.ndarray:
@@ -166,9 +173,10 @@ class _Search:
         low, high = face.polygon.min(axis=0), face.polygon.max(axis=0)
         return np.concatenate([ring, low + self.unit[half:] * (high - low)])
 
-    def _reachable(self, positions: np.ndarray) -> np.ndarray:
+    def _stretch(self, positions: np.ndarray, share: float) -> np.ndarray:
+        """How far (M,) in metres positions (M, 3) are beyond a share of the reach of the robot that reaches best."""
         far = np.linalg.norm(positions[:, None] - self.shoulders, axis=2)
-        return (far <= REACH_SHARE * self.reach).any(axis=1)
+        return (far - share * self.reach).min(axis=1)
 
     def _above(self, height: float) -> Sweep:
         """The robots, and of the other bodies the shapes that rise above a height."""
@@ -187,11 +195,12 @@ def _only(shapes: ConvexSet, s: int) -> ConvexSet:
     return ConvexSet(hull, start, shapes.radius[one], shapes.center[one], shapes.bound[one], shapes.edges[one])
 
 
-def _inside(polygon: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Which points (M, 2) lie in a convex counter-clockwise polygon (n, 2)."""
+def inside(polygon: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """How far (M,) in metres points (M, 2) lie inside a convex counter-clockwise polygon (n, 2); negative outside."""
     edge = np.roll(polygon, -1, axis=0) - polygon
+    edge = edge / np.linalg.norm(edge, axis=1, keepdims=True)
     to = points[:, None] - polygon
-    return (edge[:, 0] * to[:, :, 1] - edge[:, 1] * to[:, :, 0] >= 0.0).all(axis=1)
+    return (edge[:, 0] * to[:, :, 1] - edge[:, 1] * to[:, :, 0]).min(axis=1)
 
 
 def _halton(count: int, rng: np.random.Generator) -> np.ndarray:

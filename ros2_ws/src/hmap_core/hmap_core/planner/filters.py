@@ -1,0 +1,80 @@
+"""Backends that change which contacts another backend hands out, and in which order."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hmap_core.exceptions import Code, ContactError
+from hmap_core.planner.interfaces import Backend, RobotContact
+from hmap_core.planner.obstruction import HAND_MARGIN
+from hmap_core.planner.sweep import nearest, placed, robot_sweeps
+from hmap_core.types import Scene, SceneState
+
+
+class Filter:
+    """A backend that does as another one does."""
+
+    def __init__(self, backend: Backend):
+        self._backend = backend
+        self.plan_waypoints, self.solve_segment = backend.plan_waypoints, backend.solve_segment
+        self.grips, self.take, self.put_down = backend.grips, backend.take, backend.put_down
+
+
+class Whole(Filter):
+    """A backend that hands out only contacts that carry the object all the way."""
+
+    def propose_contacts(self, scene: Scene, state: SceneState, object: str, poses: np.ndarray, *request):
+        """As :meth:`hmap_core.planner.interfaces.Backend.propose_contacts`."""
+        contacts = self._backend.propose_contacts(scene, state, object, poses, *request)
+        kept = [contact for contact in contacts if contact.reach == len(poses) - 1]
+        if not kept:
+            raise ContactError(f"none of {len(contacts)} contacts carries '{object}' all the way", Code.NO_CONTACT)
+        return kept
+
+
+class Considerate(Filter):
+    """A backend that hands out first the contacts in which the robot is in the way of the fewest of some bodies.
+
+    Attributes:
+        solved: the contact of the last motion that was found; None where it was made with a tool.
+    """
+
+    def __init__(self, backend: Backend, scene: Scene, names: Sequence[str]):
+        super().__init__(backend)
+        self.solve_segment = self._solve_segment
+        self._scene, self._names = scene, tuple(names)
+        self.solved: RobotContact | None = None
+
+    def propose_contacts(self, scene: Scene, state: SceneState, *request) -> list[RobotContact]:
+        """As :meth:`hmap_core.planner.interfaces.Backend.propose_contacts`."""
+        contacts = self._backend.propose_contacts(scene, state, *request)
+        bodies = placed(self._scene, state, self._names)
+        return sorted(contacts, key=lambda contact: len(self._hit(scene, contact, bodies)))
+
+    def _solve_segment(self, scene: Scene, state: SceneState, object: str, contact: RobotContact, *request):
+        motion = self._backend.solve_segment(scene, state, object, contact, *request)
+        self.solved = contact if scene.robots[contact.robot].model.held is None else None
+        return motion
+
+    def _hit(self, scene: Scene, contact: RobotContact, bodies) -> dict[str, float]:
+        openings = np.full(len(contact.keyframes), contact.contact.opening)
+        sweeps = robot_sweeps(scene.robots[contact.robot], contact.keyframes, openings)
+        return nearest(sweeps, bodies, HAND_MARGIN)
+
+
+class Reminded(Filter):
+    """A backend that hands out a contact known for some poses (M, 7) of the object before it looks for others."""
+
+    def __init__(self, backend: Backend, contact: RobotContact | None, poses: np.ndarray):
+        super().__init__(backend)
+        self._contact, self._poses = contact, poses
+
+    def propose_contacts(self, scene: Scene, state: SceneState, object: str, poses: np.ndarray, *request):
+        """As :meth:`hmap_core.planner.interfaces.Backend.propose_contacts`."""
+        known, self._contact = self._contact, None
+        if known is None or not np.array_equal(poses, self._poses):
+            return self._backend.propose_contacts(scene, state, object, poses, *request)
+        others = {name: robot.model.home for name, robot in scene.robots.items() if name != known.robot}
+        clear = tuple(name for name, home in others.items() if not np.allclose(state.q[name], home))
+        return [replace(known, clear=clear)]
