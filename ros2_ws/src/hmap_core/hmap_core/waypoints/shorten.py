@@ -23,7 +23,7 @@ def smooth(checker: ObjectChecker, path: np.ndarray, rng: np.random.Generator) -
     path = drop_corners(checker, path)
     if len(path) > 2:
         path = drop_corners(checker, shortcut(checker, path, rng))
-        path = relax(checker, path)
+        path = relax(checker, turn_late(checker, path))
     return path
 
 
@@ -73,10 +73,7 @@ def relax(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
     """Move each inner corner a little so that the motions next to it keep COMFORT more than the margin, if they can."""
     path = path.copy()
     radius = checker.radius
-    directions = np.concatenate([np.eye(3), -np.eye(3)])
-    if checker.planar:
-        angle = np.arange(8) * np.pi / 4
-        directions = np.c_[np.cos(angle), np.sin(angle), np.zeros(8)]
+    directions = _directions(checker)
     for k in range(1, len(path) - 1):
         here = path[k - 1 : k + 2]
         if _comfortable(checker, here, COMFORT):
@@ -93,3 +90,29 @@ def relax(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
         if best is not None and best_length < before + COMFORT_PRICE:
             path[k] = best
     return path
+
+
+def turn_late(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
+    """Let each inner corner keep the orientation of the one before, moved a little where it has to be, if that is free.
+
+    A body that is turned on the way for no reason is hard to push. All turn no more than before.
+    """
+    path = path.copy()
+    steps = [np.zeros(3), *(step * d for step in sorted(RELAX_STEPS) for d in _directions(checker))]
+    for k in range(1, len(path) - 1):
+        if np.array_equal(path[k, 3:], path[k - 1, 3:]):
+            continue
+        for step in steps:
+            kept = np.r_[path[k, :3] + step, path[k - 1, 3:]]
+            if checker.motion_free(path[k - 1], kept) and checker.motion_free(kept, path[k + 1]):
+                path[k] = kept
+                break
+    return path
+
+
+def _directions(checker: ObjectChecker) -> np.ndarray:
+    """Unit vectors (n, 3) in which a corner may be moved."""
+    if checker.planar:
+        angle = np.arange(8) * np.pi / 4
+        return np.c_[np.cos(angle), np.sin(angle), np.zeros(8)]
+    return np.concatenate([np.eye(3), -np.eye(3)])
