@@ -1,4 +1,4 @@
-"""Whether a grasp holds a lifted body level: the turning friction of the pads against its weight.
+"""Whether a grasp keeps what it holds from turning in the hand: the friction of the pads against weight and pushing.
 
 Each pad resists a turn about the closing axis like a disc of radius r under the gripper's force F, by (2/3) mu F r
 (Coulomb friction under even pressure; as in Howe & Cutkosky, IJRR 1996); two pads do, with r the pads' half width.
@@ -10,7 +10,7 @@ import numpy as np
 
 from hmap_core.collision.convex import convex_set
 from hmap_core.transforms import rotation_matrix
-from hmap_core.types import Body, ContactKind, ContactPoint, Gripper
+from hmap_core.types import Body, ContactKind, ContactPoint, Gripper, HeldBody
 from hmap_core.waypoints.support import centre_of_mass
 
 GRAVITY = 9.81  # m/s^2
@@ -29,4 +29,19 @@ def turning_share(body: Body, contacts: Sequence[ContactPoint], gripper: Gripper
             closing = rotation_matrix(contact.T_obj_ee)[:, 1]
             moment = np.cross(centre - contact.T_obj_ee[:3], -body.mass * GRAVITY * up) @ closing
             share[k] = abs(moment) / capacity
+    return share
+
+
+def pushing_share(held: HeldBody, gripper: Gripper, body: Body, contacts: Sequence[ContactPoint]) -> np.ndarray:
+    """The same (K,) where pushes of a held body against an object that slides on its support try to turn it.
+
+    The support resists with at most the object's friction coefficient times its weight, along the normal.
+    """
+    capacity = 4.0 / 3.0 * held.friction * gripper.force * gripper.pad_half_width
+    force = body.friction * body.mass * GRAVITY
+    share = np.zeros(len(contacts))
+    for k, contact in enumerate(contacts):
+        closing = rotation_matrix(contact.T_obj_ee)[:, 1]
+        moment = np.cross(contact.point - contact.T_obj_ee[:3], force * contact.normal) @ closing
+        share[k] = abs(moment) / capacity
     return share

@@ -24,12 +24,16 @@ LEANS = np.deg2rad([0.0, 30.0, 60.0, 90.0])
 # turns of the hand about its approach: pads' faces or flanks against the object
 ROLLS = np.deg2rad([0.0, 90.0, 180.0, 270.0])
 # share of the object's friction coefficient that a push counts on
-FRICTION_SHARE = 0.8
+FRICTION_SHARE = 0.7
+# what pushes and what is pushed overlap by this much in height, m
+OVERLAP = 0.003
 # fingers end at least this high over the support, m
 MIN_HEIGHT = 0.01
 # a motion that rises or tilts by more than this is not a slide
 MAX_RISE = 1e-3  # m
 MAX_TILT = float(np.deg2rad(1.0))
+# ways to come to the face: how far down for each metre ahead, and what that costs in score
+APPROACHES = ((0.0, 0.0), (1.0, 0.05))
 # steps by which a contact line is shortened to end on the face
 SHRINKING = np.linspace(1.0, 0.0, 11)
 # vertices this near to the pushed plane touch it, m
@@ -81,7 +85,7 @@ class Slide:
         level: (3, 3) from the object's frame to level axes, those of the world at T_world_obj.
         up: (3,) in the object's frame.
         footprint: polygons (n, 2) on which it stands, level axes; empty when it does not stand on a face.
-        lowest: m, height of the support over the object's origin.
+        lowest, top: m, height of the support, and of the object's top, over the object's origin.
         centre, middle: (3,), (2,) centre of mass, in the object's frame and on the ground.
     """
 
@@ -91,6 +95,7 @@ class Slide:
         self.level = rotation_matrix(T_world_obj)
         self.up = self.level[2]
         self.footprint, self.lowest = feet(shapes, self.level)
+        self.top = float(max((shapes.hull(k) @ self.up).max() + shapes.radius[k] for k in range(len(shapes))))
         self.centre = centre_of_mass(shapes)
         self.middle = (self.level @ self.centre)[:2]
         self.own = solids([(shape, IDENTITY) for shape in body.shapes])
@@ -156,6 +161,7 @@ def pushes(
         points, normals = cloud.points[index], cloud.normals[index]
         ends, flat = slide.lines(points, normals, R, origin, feature, tip)
         keep = stable_pushes(ends, flat, FRICTION_SHARE * friction, twists, slide.length)
+        keep &= _overlaps(slide, R, origin, feature, tip)
         keep &= _stays_upright(points @ slide.up - slide.lowest, flat, slide.footprint, slide.middle, friction)
         score = (
             scoring.W_CENTRAL * scoring.central(points, centre, radius)
@@ -165,10 +171,19 @@ def pushes(
             + scoring.W_SEEN * cloud.seen[index]
             + scoring.W_UPRIGHT * upright
         )
-        approach = -np.einsum("nij,ni->nj", R, normals)
-        arrays = (R, origin, points, normals, np.zeros(len(points)), approach, score)
-        found.append([a[keep] for a in arrays])
+        for down, price in APPROACHES:
+            way = -normals - down * slide.up
+            approach = np.einsum("nij,ni->nj", R, way / np.linalg.norm(way, axis=1)[:, None])
+            arrays = (R, origin, points, normals, np.zeros(len(points)), approach, score - price)
+            found.append([a[keep] for a in arrays])
     return Candidates(ContactKind.PUSH, *(np.concatenate(a) for a in zip(*found, strict=True)))
+
+
+def _overlaps(slide: Slide, R: np.ndarray, origin: np.ndarray, feature: np.ndarray, tip: np.ndarray) -> np.ndarray:
+    """Whether (N,) what touches begins by OVERLAP below the object's top, and does not end below its bottom."""
+    height = np.einsum("i,nij,vj->nv", slide.up, R, tip) + (origin @ slide.up)[:, None]
+    low, high = (f(np.where(feature, height, e), axis=1) for f, e in ((np.min, np.inf), (np.max, -np.inf)))
+    return (slide.top - low >= OVERLAP) & (high >= slide.lowest + OVERLAP)
 
 
 def _finger_poses(cloud: Cloud, up: np.ndarray, tip: np.ndarray):

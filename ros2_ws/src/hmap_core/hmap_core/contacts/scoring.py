@@ -50,7 +50,7 @@ def along(normals: np.ndarray, situation: Situation) -> np.ndarray:
 
 
 def ordered(sets: list[Candidates]) -> tuple[np.ndarray, np.ndarray]:
-    """Set and index within it (N,) of all contacts, best first, those like earlier ones put back."""
+    """Set and index within it (N,) of all contacts: the best of each set in turn, those like earlier ones put back."""
     score = np.concatenate([s.score for s in sets])
     which = np.concatenate([np.full(len(s), k) for k, s in enumerate(sets)])
     index = np.concatenate([np.arange(len(s)) for s in sets])
@@ -61,6 +61,11 @@ def ordered(sets: list[Candidates]) -> tuple[np.ndarray, np.ndarray]:
     repeats = np.empty(len(score))
     repeats[by_sort] = np.arange(len(score)) - np.repeat(first, np.diff(np.append(first, len(score))))
     order = np.argsort(W_REPEATED * repeats - score, kind="stable")
+    rank = np.empty(len(score))
+    for k in range(len(sets)):
+        own = order[which[order] == k]
+        rank[own] = np.arange(len(own))
+    order = np.lexsort((which, rank))
     return which[order], index[order]
 
 

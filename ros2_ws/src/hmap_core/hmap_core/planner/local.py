@@ -12,7 +12,7 @@ from hmap_core.contacts.camera import Cloud, visible_points
 from hmap_core.contacts.candidates import Situation
 from hmap_core.contacts.feasibility import feasible_contacts, reach_bounds, reachable
 from hmap_core.contacts.hand import hand_of
-from hmap_core.contacts.hold import turning_share
+from hmap_core.contacts.hold import pushing_share, turning_share
 from hmap_core.contacts.proposer import NoProposer, Proposer
 from hmap_core.contacts.sampler import sample_contacts
 from hmap_core.contacts.solids import solids
@@ -24,7 +24,7 @@ from hmap_core.planner.interfaces import Grip, RobotContact, SegmentMotion
 from hmap_core.planner.tools import holding, spread, tools_of, within_reach
 from hmap_core.transforms import rotation_matrix
 from hmap_core.types import Body, ContactPoint, Goal, Scene, SceneState, TaskMode
-from hmap_core.waypoints import ObjectPath, ObjectPathProblem, plan_waypoints, standing
+from hmap_core.waypoints import DEFAULT_MARGIN, ObjectPath, ObjectPathProblem, plan_waypoints, standing
 
 SURFACE_POINTS = 600  # samples of the object's surface when looking at it
 BATCH = 240  # candidates checked at once
@@ -34,7 +34,8 @@ STRETCH_WEIGHT = 0.7  # share of a contact's worth that is lost when the arm is 
 SCORE_WEIGHT = 0.1  # poses of the path that one point of a contact's score is worth
 ACCESS = 0.002  # m of room before a place of the surface that an arm without fingers, or a tool, needs
 LIFTED = 0.001  # m that a path has to rise for the object to be lifted
-TURNING_SHARE = 0.7  # of the friction against turning in the hand that the weight of what is lifted may use
+PHYSICAL_MARGIN = 0.01  # m round an object's path, where there is room: what is pushed strays
+TURNING_SHARE = 0.7  # of the friction against turning in the hand that weight or pushing may use
 HOLDS_TRIED = 16  # holds on a tool for which an arm is asked
 HOLDS = 8  # of them that are kept, per robot
 MIN_REACH = 2  # poses a contact has to serve, unless the path is shorter
@@ -61,6 +62,7 @@ class LocalBackend:
             goal.pose,
             placed_bodies(scene, state, object),
             scene.motion,
+            DEFAULT_MARGIN if scene.mode == TaskMode.KINEMATIC else PHYSICAL_MARGIN,
             removable=frozenset(scene.removable),
         )
         return plan_waypoints(problem, np.random.default_rng(seed), time_limit)
@@ -235,8 +237,11 @@ class LocalBackend:
             if points is None or not len(points):
                 continue
             for batch in sample_contacts(body, points, hand, scene.mode, situation, rng, BATCH):
-                yield batch
                 total += len(batch)
+                if hand.held is not None and scene.mode == TaskMode.PHYSICAL:
+                    share = pushing_share(hand.held, placed.model.gripper, body, batch)
+                    batch = [c for c, used in zip(batch, share, strict=True) if used <= TURNING_SHARE]
+                yield batch
                 if total >= MAX_CANDIDATES:
                     break
 

@@ -58,6 +58,7 @@ STANDING_DEPTH = 0.001  # m that a robot may stand inside of something when a pl
 GRIPPER_SPEED = 0.1  # m/s of the opening
 LIFTS = (0.06, 0.03, 0.015)  # m that what was taken is lifted by, where there is room
 LIFT_STEP = 0.01  # m between two postures of that
+SAME_OPENING = 1e-9  # m
 SETTLE = 0.3  # s that the fingers get to settle after they have closed or opened
 
 
@@ -96,6 +97,7 @@ def solve_segment(
     """
     deadline = time.monotonic() + time_limit
     pieces, cleared = _make_room(scene, state, contact, object, rng, deadline)
+    pieces += _rise_to_open(scene, cleared, contact, object)
     pieces += _carry(scene, cleared, object, contact, object_poses, rng, deadline)
     return _assembled(scene, state, pieces)
 
@@ -110,6 +112,7 @@ def take(
     """
     deadline = time.monotonic() + time_limit
     pieces, cleared = _make_room(scene, state, contact, body, rng, deadline)
+    pieces += _rise_to_open(scene, cleared, contact, body)
     pieces.append(_Segment(scene, cleared, body, contact, state.poses[body][None]).come(rng, deadline))
     there, opening = pieces[-1].q[-1], pieces[-1].opening[-1]
     cleared.q[contact.robot], cleared.gripper[contact.robot] = there, opening
@@ -166,6 +169,24 @@ def _make_room(scene, state, contact: RobotContact, object: str, rng, deadline) 
         pieces += _in_hand(scene, _move(scene, cleared, other, object, home, rng, deadline))
         cleared.q[other] = pieces[-1].q[-1]
     return pieces, cleared
+
+
+def _rise_to_open(scene: Scene, state: SceneState, contact: RobotContact, object: str) -> list[_Piece]:
+    """The piece in which a robot rises, where there is no room to open its gripper; ``state`` is where it then is."""
+    robot = contact.robot
+    free = free_opening(scene.robots[robot], contact.contact)
+    if abs(free - state.gripper[robot]) < SAME_OPENING:
+        return []
+    opened = state.copy()
+    opened.gripper[robot] = free
+    hit = standing_collision(scene, opened, robot, object)
+    if hit is None:
+        return []
+    piece = _lift_piece(scene, state, robot, state.q[robot])
+    if len(piece.q) == 1:
+        raise MotionError(f"robot '{robot}' has no room to open its gripper: {' and '.join(hit[0])}")
+    state.q[robot] = piece.q[-1]
+    return [piece]
 
 
 def _lifted(scene: Scene, state: SceneState, robot: str, q: np.ndarray) -> np.ndarray:
@@ -445,12 +466,14 @@ class _Segment:
         return _Piece(self.robot, coming, np.concatenate([opened, np.full(len(q), free), closed]))
 
     def _carrying(self, path: np.ndarray) -> _Piece:
+        """The object hangs on the hand as they meet at the start, which is the contact within what KOMO leaves open."""
         q = _timed(self.scene, self.robot, path, HOLD_SPEED, HOLD_ACCELERATION)
-        poses = consistent(multiply_all(_end_effectors(self.scene, self.robot, q), inverse(self.contact.T_obj_ee)))
+        T_ee = _end_effectors(self.scene, self.robot, q)
+        T_obj_ee = multiply(inverse(self.T_start), T_ee[0])
+        moved = {self.object: consistent(multiply_all(T_ee, inverse(T_obj_ee)))}
         opening = np.full(len(q), self._openings()[1])
         kind = SegmentKind(self.contact.kind.value)
-        moved = {self.object: poses}
-        return _Piece(self.robot, q, opening, kind, self.object, None, self.contact.T_obj_ee, moved)
+        return _Piece(self.robot, q, opening, kind, self.object, None, T_obj_ee, moved)
 
     def _leaving(self, path: np.ndarray) -> _Piece:
         free, held = self._openings()
@@ -472,7 +495,7 @@ def _thinned(object_poses: np.ndarray, keyframes: np.ndarray, fineness: float) -
 
 def _ramp(a: float, b: float) -> np.ndarray:
     """Openings (N,) from a to b at the gripper's speed, then at rest while it settles; nothing where a is b."""
-    if abs(a - b) < 1e-9:
+    if abs(a - b) < SAME_OPENING:
         return np.zeros(0)
     moving = int(np.ceil(abs(b - a) / GRIPPER_SPEED / SAMPLE_PERIOD))
     return np.concatenate([np.linspace(a, b, moving + 1), np.full(int(SETTLE / SAMPLE_PERIOD), b)])

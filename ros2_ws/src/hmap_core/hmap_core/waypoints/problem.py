@@ -64,8 +64,8 @@ class ObjectPath:
 
     Between two successive poses the body moves as :func:`hmap_core.transforms.interpolate` says. The motion was checked
     as a turn about the middle of the body's largest shape; where the body's frame is elsewhere the two differ by 0.1 mm
-    at most. Quaternions do not change sign along the path. Where the margin asked for leaves no way, a quarter of it is
-    kept: ``clearance`` tells.
+    at most. Quaternions do not change sign along the path. Where the margin asked for leaves no way, less is kept:
+    ``clearance`` tells.
     """
 
     poses: np.ndarray  # (M, 7) T_world_obj, first the start, last the goal

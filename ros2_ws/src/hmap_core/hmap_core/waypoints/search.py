@@ -18,8 +18,8 @@ SAME_HEIGHT = 1e-3  # m
 SAME_TILT = float(np.deg2rad(1.0))
 # how far beyond start and goal the search looks for room, m
 SEARCH_REACH = 1.0
-# shares of the problem's margin that are tried where the whole is too much
-TIGHTER = (0.25,)
+# margins in metres that are tried where the problem's is too much
+TIGHTER = (0.002, 0.0005)
 # each further round of searches by trees may check this many times more motions
 GROWTH = 2
 # rounds for planar motion alone, when spatial motion may be tried after it
@@ -112,7 +112,7 @@ class _Kind:
         checker = ObjectChecker(problem, geometry, self.planar, problem.margin)
         if self.planar and not last and checker.support is None:
             return False
-        tighter = [share * problem.margin for share in TIGHTER if problem.margin > 0.0]
+        tighter = [margin for margin in TIGHTER if margin < problem.margin]
         self.checkers = [checker, *(checker.with_margin(margin) for margin in tighter)]
         self.bounds = search_bounds(problem, checker)
         return True
@@ -133,7 +133,7 @@ class _Kind:
             if path is not None:
                 return checker, path
             if self.planar and not self.ends:
-                self.hopeless = separated(checker, start, goal, self.bounds)
+                self.hopeless = separated(self.checkers[-1], start, goal, self.bounds)
             if self.hopeless:
                 return None
             self.ends.append(tuple([T, *exits(checker, T, o, self.bounds)] for T, o in ((start, goal), (goal, start))))
@@ -157,9 +157,10 @@ def search_bounds(problem: ObjectPathProblem, checker: ObjectChecker) -> np.ndar
         return np.asarray(problem.bounds, float)
     ends = np.array([problem.start[:3], problem.goal[:3]])
     near = np.array([ends.min(0) - SEARCH_REACH, ends.max(0) + SEARCH_REACH])
-    points = [ends.min(0) - checker.radius, ends.max(0) + checker.radius]
+    room = checker.radius + problem.margin
+    points = [ends.min(0) - room, ends.max(0) + room]
     for lower, upper in zip(checker.obstacles.lower, checker.obstacles.upper, strict=True):
-        points += [lower - checker.radius, upper + checker.radius]
+        points += [lower - room, upper + room]
     wanted = np.array([np.min(points, axis=0), np.max(points, axis=0)])
     return np.array([np.maximum(wanted[0], near[0]), np.minimum(wanted[1], near[1])])
 
