@@ -43,7 +43,7 @@ def cloud_from_depth(
             f"depth {depth.shape}, mask {mask.shape} and intrinsics {np.shape(intrinsics)} do not fit; "
             "needed: (H, W), (H, W) and (3, 3)"
         )
-    points = back_projected(depth, mask, np.asarray(intrinsics, float))
+    points = _back_projected(depth, mask, np.asarray(intrinsics, float))
     if len(points) < MIN_POINTS:
         return _empty()
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
@@ -65,7 +65,7 @@ def merged(clouds: list[Cloud]) -> Cloud:
     return Cloud(*(np.concatenate([getattr(c, f) for c in clouds]) for f in ("points", "normals", "seen")))
 
 
-def back_projected(depth: np.ndarray, mask: np.ndarray, K: np.ndarray) -> np.ndarray:
+def _back_projected(depth: np.ndarray, mask: np.ndarray, K: np.ndarray) -> np.ndarray:
     """Points (N, 3) in the optical frame of the masked pixels that have a reading."""
     v, u = np.nonzero(mask & np.isfinite(depth) & (depth > 0.0))
     z = depth[v, u]
