@@ -80,13 +80,13 @@ class Perception(HmapNode):
         arms = {name: self._naming.arm_joints(name, model) for name, model in models.items()}
         fingers = {name: self._naming.finger_joints(name, model) for name, model in models.items()}
         fusion = Fusion(scene, arms, fingers)
-        same = previous is not None and (previous.task, previous.seed) == (scene.task, scene.seed)
-        if same:
-            if scene_to_message(scene).text != scene_to_message(previous).text:  # else it was put back to its start
-                fusion.take_over(self._fusion)
+        changed = previous is not None and _bodies_changed(previous, scene)
+        if changed:
+            fusion.take_over(self._fusion)
             self._strangers.scene = scene
+            self._told |= scene.bodies.keys() - previous.bodies.keys()
         else:
-            self._strangers = Strangers(scene)
+            self._strangers, self._told = Strangers(scene), set()
         self._fusion = fusion
         self._seen = {}
         for subscription in self._scene_subscriptions:
@@ -97,10 +97,6 @@ class Perception(HmapNode):
             for part, (topic, kind) in CAMERA_TOPICS.items():
                 name = f"{self._naming.camera(camera.name)}/{topic}"
                 self._follow_camera(kind, name, partial(self._take_picture, parts, part))
-        if same:
-            self._told |= scene.bodies.keys() - previous.bodies.keys()
-        else:
-            self._told = set()
         self._report_new()
         self.set_status("waiting for measurements", task=scene.task, seed=scene.seed)
 
@@ -197,6 +193,12 @@ class Perception(HmapNode):
             raise InputError(
                 f"the oldest measurement is {age:.2f} s old; {self._stale_after:g} s are allowed", Code.STALE_STATE
             )
+
+
+def _bodies_changed(previous: Scene, scene: Scene) -> bool:
+    """Whether bodies of a scene came, went or were moved; false for another scene, or one put back to its start."""
+    same = (previous.task, previous.seed) == (scene.task, scene.seed)
+    return same and scene_to_message(previous).text != scene_to_message(scene).text
 
 
 def main(args: list[str] | None = None) -> int:

@@ -129,8 +129,8 @@ class WorldNode(HmapNode):
         scene = self._loaded = self._loop.scene
         for name in list(self._actions):
             self._actions.pop(name).destroy()
-        for name in list(self._cameras):
-            self._cameras.pop(name).destroy()
+        if self._cameras:  # between two pictures, since the world's thread takes them
+            self._loop.call(self._destroy_cameras)
         self._actions = {
             name: ControllerActions(self, self._loop, self._naming, robot) for name, robot in scene.robots.items()
         }
@@ -140,6 +140,10 @@ class WorldNode(HmapNode):
         self._pictured = None
         self._offer_bodies()
         self.set_status("simulating", task=scene.task, seed=scene.seed)
+
+    def _destroy_cameras(self) -> None:
+        for name in list(self._cameras):
+            self._cameras.pop(name).destroy()
 
     def _offer_bodies(self) -> None:
         scene = self._loop.scene

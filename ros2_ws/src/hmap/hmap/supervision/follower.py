@@ -38,6 +38,7 @@ GRIP_LIMIT = 30.0  # s of real time for a gripper
 STATE_PATIENCE = 5.0  # s for a world state
 LEAD = 0.15  # s of real time that a command takes at most to reach its controller
 TOLD = 0.01  # rad that joints may be from where they were told to be for that to count as their place
+BACK_OFF = 0.2  # s of the plan before a place too near to a new body to which a hand goes back
 SAME_TIME = 1e-6  # s
 
 OnProgress = Callable[[float, float, str], None]  # planned time now and at the end (s), what is done
@@ -162,7 +163,7 @@ class Follower:
             return at
         time, robot = plan.trajectory.time, contact.segment.robot
         if at <= time[contact.begin] + SAME_TIME:
-            sample = clear_sample(plan, contact, at)
+            sample = min(clear_sample(plan, contact, at), self._free_sample(plan, contact, at))
             if time[sample] < at - SAME_TIME:
                 self._open(plan, robot, float(plan.trajectory.gripper[robot][sample]))
                 self._go_back(plan, contact, sample, at)
@@ -176,6 +177,14 @@ class Follower:
             at = float(time[sample])
         self._let_go(plan, contact)
         return at
+
+    def _free_sample(self, plan: Plan, contact: KeptSegment, at: float) -> int:
+        """The last sample on the way to a contact, up to ``at`` (s), before the way comes too near to a new body."""
+        time = plan.trajectory.time
+        new = unknown_bodies(plan, self._observer.scene().bodies)
+        conflict = first_conflict(plan, new, float(time[contact.first]), at)
+        until = at if conflict is None else conflict.time - BACK_OFF
+        return max(contact.first, index_at(time, until))
 
     def _go_back(self, plan: Plan, contact: KeptSegment, sample: int, at: float) -> None:
         robot = contact.segment.robot
