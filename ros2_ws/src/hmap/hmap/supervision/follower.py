@@ -263,7 +263,7 @@ class Follower:
         self._told[robot] = np.array(motion.positions[-1])
         return self._controllers.move(plan.scene, robot, motion, start)
 
-    def _watch(self, plan: Plan, sample: int, between_contacts: bool) -> None:
+    def _watch(self, plan: Plan, sample: int, between_contacts: bool = False) -> None:
         _, state = self._observer.state(STATE_PATIENCE)
         if _lost(plan, sample, state) or (between_contacts and drifted(plan, sample, state)):
             state = self._observer.settled(STATE_PATIENCE)  # that state may be of before the end of the stretch
