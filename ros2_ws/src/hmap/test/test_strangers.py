@@ -58,6 +58,15 @@ def test_a_ball_is_seen_followed_and_forgotten(world, scene):
     assert not strangers.bodies
 
 
+def test_a_name_that_no_body_may_have_is_replaced(world, scene):
+    strangers = Strangers(scene)
+    world.add_body(sphere("ball", RADIUS, PLACE))
+    seen = picture(world, scene, 0.0)
+    number = seen.names.pop("ball")
+    strangers.look(replace(seen, names=seen.names | {"coffee mug #2": number}))
+    assert set(strangers.bodies) == {f"thing_{number}"}
+
+
 def test_what_is_hidden_stays_where_it_was_seen_last(world, scene):
     strangers = Strangers(scene)
     world.add_body(sphere("ball", RADIUS, PLACE))

@@ -1,5 +1,6 @@
 """Things that cameras see and that nobody has told of: their shapes, followed from picture to picture."""
 
+import re
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -8,6 +9,7 @@ from hmap.perception.pictures import Picture
 from hmap_core import transforms
 from hmap_core.contacts.cloud import cloud_from_depth
 from hmap_core.contacts.estimate import estimate_body
+from hmap_core.scenes.fields import NAME_PATTERN
 from hmap_core.types import Body, Scene, ShapeKind
 
 MOVED = 0.004  # m; a thing whose estimated place or size changes less is where it was
@@ -31,7 +33,7 @@ class Strangers:
     def look(self, picture: Picture) -> bool:
         """Take in a picture; whether anything has appeared, moved or gone."""
         known = self.scene.bodies.keys() | self.scene.robots.keys()
-        names = {name: number for name, number in picture.names.items() if name not in known}
+        names = {_name(name, number): number for name, number in picture.names.items() if name not in known}
         changed = False
         for name in self.bodies.keys() - names.keys():
             del self.bodies[name]
@@ -60,6 +62,11 @@ class Strangers:
         middle, low = np.median(points, axis=0), points[:, 2].min()
         tops = [_top_under(body, middle[:2]) for body in self.scene.bodies.values()]
         return max((top for top in tops if top <= low + MOVED), default=-np.inf)
+
+
+def _name(name: str, number: int) -> str:
+    """The name of a thing as a body may have it; segmentation may call it anything."""
+    return name if re.fullmatch(NAME_PATTERN, name) else f"thing_{number}"
 
 
 def _top_under(body: Body, place: np.ndarray) -> float:
