@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hmap_core import transforms
-from hmap_core.contacts.estimate import MARGIN, MIN_POINTS, estimate_body
+from hmap_core.contacts.estimate import MARGIN, MIN_POINTS, estimate_body, follow_body
 from hmap_core.types import ShapeKind
 
 NOISE = 0.0005  # m
@@ -58,3 +58,23 @@ def test_a_box_that_hangs_ends_where_it_was_seen_last_without_a_floor():
 
 def test_too_few_points_are_nothing():
     assert estimate_body("thing", np.zeros((MIN_POINTS - 1, 3))) is None
+
+
+def test_a_known_ball_is_followed_by_a_small_part_of_it():
+    rng, radius, eye = np.random.default_rng(0), 0.03, np.array([0.0, -0.5, 2.0])
+    known = estimate_body("ball", cap(np.zeros(3), radius, rng))
+    there = np.array([0.1, 0.05, 0.02])
+    seen = cap(there, radius, rng, 2000)
+    seen = seen[seen[:, 0] > there[0] + 0.012]  # the rest is hidden
+    body = follow_body(known, seen, eye)
+    assert body.shapes == known.shapes
+    assert np.linalg.norm(body.pose[:3] - there) < 0.003
+
+
+def test_what_does_not_fit_a_known_ball_is_not_followed():
+    rng, eye = np.random.default_rng(0), np.array([0.0, 0.0, 2.0])
+    known = estimate_body("ball", cap(np.zeros(3), 0.03, rng))
+    thing = top_and_side(transforms.pose(), (0.1, 0.1, 0.1), rng)
+    assert follow_body(known, thing, eye) is None
+    assert follow_body(estimate_body("thing", thing), thing, eye) is None
+    assert follow_body(known, thing[: MIN_POINTS - 1], eye) is None

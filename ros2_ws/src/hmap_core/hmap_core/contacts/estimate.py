@@ -11,6 +11,7 @@ SPHERE_RESIDUAL = 0.002  # m, root mean square of the points' distances from the
 SPHERE_RADII = (0.005, 0.25)  # m, that are believed
 MARGIN = 0.002  # m by which shapes are made larger than what was seen
 YAWS = 90  # turns of a box about the vertical that are tried
+ROUNDS = 10  # of following a sphere
 OUTLIERS = 1.0  # per cent of the points at each side that count as noise
 
 
@@ -29,6 +30,33 @@ def estimate_body(name: str, points: np.ndarray, floor: float = -np.inf) -> Body
     ball = _sphere(points)
     shape, T = ball if ball is not None else _box(points, floor)
     return Body(name, BodyKind.FIXED, (shape,), T)
+
+
+def follow_body(body: Body, points: np.ndarray, eye: np.ndarray) -> Body | None:
+    """A sphere that was estimated before, where new points have it; None for other shapes, or where they do not fit it.
+
+    Less of it needs to be seen than for a new estimate, since its size is known.
+
+    Args:
+        points: (N, 3) on its surface, world frame, m.
+        eye: (3,) from where they were seen.
+    """
+    points = np.asarray(points, float)
+    (shape,) = body.shapes
+    if shape.kind is not ShapeKind.SPHERE or len(points) < MIN_POINTS:
+        return None
+    radius = shape.size[0] - MARGIN
+    middle = points.mean(axis=0)
+    center = middle + radius * (middle - eye) / np.linalg.norm(middle - eye)  # behind what is seen
+    for _ in range(ROUNDS):  # Gauss-Newton on the distances from the surface
+        way = points - center
+        length = np.linalg.norm(way, axis=1)
+        step = np.linalg.lstsq(way / length[:, None], length - radius, rcond=None)[0]
+        center = center + step
+    off = np.linalg.norm(points - center, axis=1) - radius
+    if np.sqrt(np.mean(off**2)) > SPHERE_RESIDUAL:
+        return None
+    return Body(body.name, BodyKind.FIXED, (shape,), transforms.pose(center))
 
 
 def _sphere(points: np.ndarray) -> tuple[Shape, np.ndarray] | None:
