@@ -205,15 +205,20 @@ class Supervisor(HmapNode):
         Args:
             scene: with the goal; its bodies are taken as they are now.
             old: a plan, and the planned time (s) up to which it was followed, when a body has come in its way. What is
-                good of it is kept; where the bodies leave no plan, it is waited for them to move on.
+                good of it is kept, or where that gives no plan, nothing; where there is none either way, the bodies get
+                time to move on.
         """
+        keep = old
         while True:
             changed = self._observer.changed()
             try:
-                return self._plan_once(job, scene, follower, limit, old)
+                return self._plan_once(job, scene, follower, limit, keep)
             except HmapError as error:
-                if old is None or error.code not in NO_PLAN or not self._move_on(job, changed, error):
+                if old is None or error.code not in NO_PLAN:
                     raise
+                if keep is None and not self._move_on(job, changed, error):
+                    raise
+                keep = old if keep is None else None
 
     def _move_on(self, job: Job, since: float, error: HmapError) -> bool:
         """Whether the bodies have moved, or do so within the patience."""
@@ -244,11 +249,12 @@ class Supervisor(HmapNode):
             raise PlannerError("canceled", Code.CANCELED)
         ended = time.monotonic()
         stats = {"planning_time_s": ended - began, **plan.stats, "plans": job.plans, "blocked": job.blocked}
-        if old is not None:
-            stats |= {"obstacle_to_plan_s": ended - changed, "kept": backend.kept}
+        if job.blocked:
+            kept = getattr(backend, "kept", {})
+            stats |= {"obstacle_to_plan_s": ended - changed, "kept": kept}
             self.get_logger().info(
                 f"planned anew in {stats['planning_time_s']:.2f} s, with the judge in {ended - began:.2f} s, "
-                f"{ended - changed:.2f} s after the obstacle was seen last; kept: {backend.kept}"
+                f"{ended - changed:.2f} s after the obstacle was seen last; kept: {kept}"
             )
         plan = replace(plan, stats=stats)
         stamp = self.get_clock().now().to_msg()
