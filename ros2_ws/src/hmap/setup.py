@@ -11,6 +11,7 @@ NODES = (
     "komo_optimiser",
     "supervisor",
     "recorder",
+    "dynamic_obstacles",
 )
 
 setup(

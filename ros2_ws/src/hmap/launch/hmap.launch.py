@@ -6,7 +6,7 @@ Then send a goal: ``ros2 action send_goal --feedback manipulate hmap_msgs/action
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition, UnlessCondition
-from launch.substitutions import LaunchConfiguration
+from launch.substitutions import LaunchConfiguration, PythonExpression
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
@@ -17,6 +17,7 @@ ARGUMENTS = {
     "simulate": ("true", "start the simulated world; false with real robots"),
     "real_time_factor": ("4.0", "speed of the simulation"),
     "record": ("true", "write a bag"),
+    "dynamic_obstacles": ("0", "bodies that appear near the path, seen by the cameras only; simulated world only"),
     "bag": ("bag", "folder of the bag; must not exist yet"),
 }
 
@@ -31,8 +32,15 @@ def generate_launch_description() -> LaunchDescription:
     clock = {"use_sim_time": ParameterValue(value["simulate"], value_type=bool)}
     speed = {"real_time_factor": ParameterValue(value["real_time_factor"], value_type=float)}
     bag = {"path": ParameterValue(value["bag"], value_type=str)}
+    appear = PythonExpression([value["dynamic_obstacles"], " > 0"])
+    hidden = {"announce_added": ParameterValue(PythonExpression(["not ", appear]), value_type=bool)}
+    obstacles = {
+        "count": ParameterValue(value["dynamic_obstacles"], value_type=int),
+        "seed": ParameterValue(value["seed"], value_type=int),
+    }
     nodes = [
-        _node("world", [scene, speed], condition=IfCondition(value["simulate"])),
+        _node("world", [scene, speed, hidden], condition=IfCondition(value["simulate"])),
+        _node("dynamic_obstacles", [clock, obstacles], condition=IfCondition(appear)),
         _node("perception", [clock], condition=IfCondition(value["simulate"])),
         _node("perception", [clock, scene], condition=UnlessCondition(value["simulate"])),
         _node("recorder", [clock, bag], condition=IfCondition(value["record"])),

@@ -61,6 +61,23 @@ def test_a_new_trajectory_takes_the_place_of_the_old(loop, scene):
     assert second.done.wait(WAIT) and second.outcome is Outcome.SUCCEEDED
 
 
+def test_a_trajectory_with_a_start_is_taken_up_in_its_middle(loop, scene):
+    first = loop.follow(ROBOT, swing(scene, 1000.0), Tolerances())
+    began = loop.call(lambda: loop.world.time)
+    slower = swing(scene, 1000.0)
+    second = loop.follow(ROBOT, slower, Tolerances(), began)
+    assert first.outcome is Outcome.PREEMPTED and not second.done.is_set()
+    with pytest.raises(InputError, match="ago"):
+        loop.follow(ROBOT, slower, Tolerances(), began - 2000.0)
+    assert not second.done.is_set()
+
+
+def test_the_scene_without_what_was_added(loop, scene):
+    loop.call(lambda: loop.add(cube("cube")))
+    assert set(loop.scene_without_added().bodies) == set(scene.bodies)
+    assert set(loop.scene.bodies) == {*scene.bodies, "cube"}
+
+
 def test_a_wrong_trajectory_is_refused_and_the_old_one_goes_on(loop, scene):
     first = loop.follow(ROBOT, swing(scene, 1000.0), Tolerances())
     with pytest.raises(InputError):

@@ -7,10 +7,14 @@ import numpy as np
 import pytest
 
 from hmap.conversions import scene_to_message, state_to_message
+from hmap.supervision.drift import drifted
 from hmap.supervision.follower import LOST_POSITION, Follower
 from hmap.supervision.observer import REST_PERIOD, Observer
 from hmap_core.exceptions import Code, ExecutionError, InputError
 from hmap_core.scenes import load_scene
+from hmap_core.simulation.dynamic import sphere
+from hmap_msgs.msg import BodyArray
+from hmap_msgs_py.bodies import body_to_message
 from hmap_msgs_py.times import time_to_message
 
 OBJECT = "bar"
@@ -112,3 +116,49 @@ def test_an_object_that_stands_elsewhere_is_lost(scene):
         follower._watch(plan, 0)
     assert caught.value.code is Code.OBJECT_DROPPED
     thread.join()
+
+
+def new_object(*bodies) -> BodyArray:
+    return BodyArray(bodies=[body_to_message(body) for body in bodies])
+
+
+def test_what_only_the_cameras_have_seen_is_in_the_scene_and_in_the_state(scene):
+    observer, tell = observer_at(scene, 2.0)
+    tell(2.1, 0.0)
+    heard = threading.Event()
+    observer.on_change(heard.set)
+    before = observer.changed()
+    ball = sphere("ball", 0.03, np.array([0.1, 0.2, 0.3]))
+    observer._node.callbacks["new_object"](new_object(ball))
+    assert heard.is_set() and observer.changed() > before
+    assert observer.wait_for_change(before, NO_PATIENCE, lambda: False)
+    assert set(observer.scene().bodies) == {*scene.bodies, "ball"}
+    _, state = observer.state(NO_PATIENCE)  # that of before is still good
+    assert np.allclose(state.poses["ball"], ball.pose)
+    tell(2.2, 0.01)
+    assert np.allclose(observer.state(NO_PATIENCE)[1].poses["ball"], ball.pose)
+    observer._node.callbacks["new_object"](new_object())
+    assert set(observer.scene().bodies) == set(scene.bodies)
+    assert "ball" not in observer.state(NO_PATIENCE)[1].poses
+
+
+def test_a_scene_that_is_put_back_to_its_start_leaves_no_state(scene):
+    observer, tell = observer_at(scene, 2.0)
+    tell(2.1, 0.0)
+    observer._node.callbacks["scene"](scene_to_message(scene))
+    with pytest.raises(InputError):
+        observer.state(NO_PATIENCE)
+
+
+def test_waiting_for_a_change_ends_when_it_is_canceled(scene):
+    observer, _ = observer_at(scene, 2.0)
+    assert not observer.wait_for_change(observer.changed(), PATIENCE, lambda: True)
+
+
+@pytest.mark.parametrize(("shift", "expected"), [(0.009, None), (0.011, "11.0 mm")])
+def test_what_is_off_the_plan_between_two_contacts_is_told(scene, shift, expected):
+    _, plan = follower_and_plan(scene, None, 0.0)
+    state = scene.start_state()
+    state.poses[OBJECT] = state.poses[OBJECT] + np.eye(7)[0] * shift
+    reason = drifted(plan, 0, state)
+    assert (reason is None) if expected is None else (expected in reason and OBJECT in reason)

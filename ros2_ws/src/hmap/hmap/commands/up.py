@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hmap.environment import prepare_process
 from hmap.launcher.processes import Graph, output_folder
-from hmap_core.cli.main import positive, seed_argument, zero_or_more
+from hmap_core.cli.main import natural, positive, seed_argument, zero_or_more
 from hmap_core.cli.progress import ProgressLine
 from hmap_core.exceptions import Code, InputError, PlannerError
 
@@ -38,6 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--speed", type=zero_or_more, default=4.0, metavar="X", help=speed)
     parser.add_argument("--plan-only", action="store_true", help="do not execute the plan")
     parser.add_argument("--no-picture", action="store_true", help="do not draw the plan")
+    count = "bodies that appear near the path while it is executed, seen by the cameras only (1)"
+    parser.add_argument("--dynamic-obstacles", type=natural, nargs="?", const=1, default=0, metavar="N", help=count)
     parser.add_argument("--keep", action="store_true", help="leave the nodes running afterwards, until Ctrl-C")
 
 
@@ -102,6 +104,9 @@ def _start(graph: Graph, session, arguments: argparse.Namespace, folder: Path, l
         time.sleep(POLL)
     graph.start("recorder", {"path": folder / BAG})
     world = {"task": arguments.task, "seed": arguments.seed, "real_time_factor": float(arguments.speed)}
+    if arguments.dynamic_obstacles:
+        world["announce_added"] = False
+        graph.start("dynamic_obstacles", {"count": arguments.dynamic_obstacles, "seed": arguments.seed})
     graph.start("world", world)
     for name in ("komo_optimiser", "supervisor", "contact_proposer", "waypoint_planner", "perception"):
         graph.start(name)

@@ -18,6 +18,7 @@ CLOCKED = (
     "perception",
     "supervisor",
     "recorder",
+    "dynamic_obstacles",
 )  # their messages have stamps; others save time
 MAX_STARTS = 5  # of one node
 WATCH_PERIOD = 0.2  # s

@@ -67,7 +67,7 @@ class Session:
         ready = {
             "perception": self._has_state.is_set(),
             "supervisor": self._client.server_is_ready(),
-            "recorder": "recorder" in self.node.get_node_names(),
+            **{name: name in self.node.get_node_names() for name in ("recorder", "dynamic_obstacles")},
         }
         ready |= {node: service in services for node, service in SERVICES.items()}
         return [name for name in names if ready.get(name, False)]

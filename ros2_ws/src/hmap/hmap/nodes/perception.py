@@ -5,6 +5,7 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -16,6 +17,7 @@ from hmap.naming import Naming
 from hmap.node import LATCHED, HmapNode, run
 from hmap.perception.fusion import Fusion
 from hmap.perception.pictures import Picture, PictureParts
+from hmap.perception.strangers import Strangers
 from hmap_core.contacts.cloud import cloud_from_depth, merged
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes import load_scene
@@ -53,6 +55,9 @@ class Perception(HmapNode):
         self._clouds = self.create_publisher(ObjectClouds, "object_clouds", LATCHED)
         self._new = self.create_publisher(BodyArray, "new_object", LATCHED)
         self._fusion: Fusion | None = None
+        self._strangers: Strangers | None = None
+        self._told: set[str] = set()  # bodies that `scene` has told of since it was loaded
+        self._reported = False  # whether `new_object` holds anything
         self._scene_subscriptions: list = []
         self._seen: dict[str, dict[str, object]] = {}  # object -> camera -> its cloud
         self.subscribe(JointState, "joint_states", self._take_joints)
@@ -74,7 +79,15 @@ class Perception(HmapNode):
         models = {name: robot.model for name, robot in scene.robots.items()}
         arms = {name: self._naming.arm_joints(name, model) for name, model in models.items()}
         fingers = {name: self._naming.finger_joints(name, model) for name, model in models.items()}
-        self._fusion = Fusion(scene, arms, fingers)
+        fusion = Fusion(scene, arms, fingers)
+        changed = previous is not None and _bodies_changed(previous, scene)
+        if changed:
+            fusion.take_over(self._fusion)
+            self._strangers.scene = scene
+            self._told |= scene.bodies.keys() - previous.bodies.keys()
+        else:
+            self._strangers, self._told = Strangers(scene), set()
+        self._fusion = fusion
         self._seen = {}
         for subscription in self._scene_subscriptions:
             self.destroy_subscription(subscription)
@@ -84,8 +97,7 @@ class Perception(HmapNode):
             for part, (topic, kind) in CAMERA_TOPICS.items():
                 name = f"{self._naming.camera(camera.name)}/{topic}"
                 self._follow_camera(kind, name, partial(self._take_picture, parts, part))
-        if previous is not None and (previous.task, previous.seed) == (scene.task, scene.seed):
-            self._report_new([body for name, body in scene.bodies.items() if name not in previous.bodies])
+        self._report_new()
         self.set_status("waiting for measurements", task=scene.task, seed=scene.seed)
 
     def _follow_body(self, name: str):
@@ -104,11 +116,16 @@ class Perception(HmapNode):
         events = SubscriptionEventCallbacks(incompatible_qos=follow_live)
         self._scene_subscriptions.append(self.subscribe(kind, name, take, LATCHED, event_callbacks=events))
 
-    def _report_new(self, bodies: list) -> None:
-        if bodies:
-            message = BodyArray(bodies=[body_to_message(body) for body in bodies])
-            message.header.stamp, message.header.frame_id = self.get_clock().now().to_msg(), FRAME
-            self._new.publish(message)
+    def _report_new(self, stamp: Time | None = None) -> None:
+        """All that has come since the scene was loaded: what `scene` told of, and what only the cameras have seen."""
+        told = [body for name, body in self._fusion.scene.bodies.items() if name in self._told]
+        seen = [body for name, body in self._strangers.bodies.items() if name not in self._fusion.scene.bodies]
+        if not told and not seen and not self._reported:
+            return
+        self._reported = bool(told or seen)
+        message = BodyArray(bodies=[body_to_message(body) for body in (*told, *seen)])
+        message.header.stamp, message.header.frame_id = stamp or self.get_clock().now().to_msg(), FRAME
+        self._new.publish(message)
 
     # the sensors
 
@@ -127,6 +144,8 @@ class Perception(HmapNode):
     def _take_picture(self, parts: PictureParts, part: str, message) -> None:
         picture = parts.add(part, message)
         if picture is not None:
+            if self._strangers.look(picture):
+                self._report_new(time_to_message(picture.time))
             self._update_clouds(picture)
 
     def _update_clouds(self, picture: Picture) -> None:
@@ -174,6 +193,12 @@ class Perception(HmapNode):
             raise InputError(
                 f"the oldest measurement is {age:.2f} s old; {self._stale_after:g} s are allowed", Code.STALE_STATE
             )
+
+
+def _bodies_changed(previous: Scene, scene: Scene) -> bool:
+    """Whether bodies of a scene came, went or were moved; false for another scene, or one put back to its start."""
+    same = (previous.task, previous.seed) == (scene.task, scene.seed)
+    return same and scene_to_message(previous).text != scene_to_message(scene).text
 
 
 def main(args: list[str] | None = None) -> int:

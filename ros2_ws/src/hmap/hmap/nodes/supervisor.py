@@ -17,11 +17,12 @@ from hmap.node import LATCHED, HmapNode, run
 from hmap.requests import Caller, time_limit
 from hmap.supervision.backend import RosBackend
 from hmap.supervision.controllers import Controllers
-from hmap.supervision.follower import Follower
+from hmap.supervision.follower import Blocked, Follower
 from hmap.supervision.markers import markers_of
 from hmap.supervision.observer import Observer
 from hmap_core import planner, transforms
 from hmap_core.exceptions import Code, ExecutionError, HmapError, InputError, PlannerError
+from hmap_core.planner.replan import KeepingBackend
 from hmap_core.types import Goal, Plan, Scene
 from hmap_msgs.action import Manipulate
 from hmap_msgs.msg import Plan as PlanMessage
@@ -34,6 +35,17 @@ from hmap_msgs_py.poses import pose_from_message
 
 FRAME = "world"
 LOADING_LIMIT = 30.0  # s for a scene to be loaded
+STOPPING, REPLANNING = "stopping", "replanning"  # phases beside those of PlannerStatus
+NO_PLAN = (
+    Code.START_IN_COLLISION,
+    Code.GOAL_IN_COLLISION,
+    Code.NO_OBJECT_PATH,
+    Code.NO_CONTACT,
+    Code.OUT_OF_REACH,
+    Code.NO_MOTION,
+    Code.TIME_LIMIT,
+    Code.PLAN_REJECTED,
+)
 RECOVERABLE = (Code.TRACKING_LOST, Code.GOAL_MISSED, Code.OBJECT_DROPPED)
 
 
@@ -45,6 +57,8 @@ class Job:
     began: float = field(default_factory=time.monotonic)
     replaced: threading.Event = field(default_factory=threading.Event)
     result: Manipulate.Result = field(default_factory=Manipulate.Result)
+    plans: int = 0  # that were asked for
+    blocked: int = 0  # how often a body came in the way
 
     @property
     def goal(self) -> Manipulate.Goal:
@@ -63,6 +77,10 @@ class Supervisor(HmapNode):
         self._patience = self.parameter("service_patience", 30.0, "s to wait for a node that is away", 0.0, 3600.0)
         self._state_patience = self.parameter("state_patience", 10.0, "s to wait for a world state", 0.0, 3600.0)
         self._replans = self.parameter("replans", 2, "new plans after an execution that went wrong", 0, 1000)
+        text = "new plans because a body came in the way"
+        self._obstacle_replans = self.parameter("obstacle_replans", 20, text, 0, 1000)
+        text = "s of real time to wait for bodies to move on when they leave no plan"
+        self._obstacle_patience = self.parameter("obstacle_patience", 10.0, text, 0.0, 3600.0)
         stale = self.parameter("stale_after", 2.0, "s of real time; an older world state is not used", 0.05, 3600.0)
         self._plan_topic = self.create_publisher(PlanMessage, "plan", LATCHED)
         self._markers = self.create_publisher(MarkerArray, "markers", LATCHED)
@@ -70,6 +88,7 @@ class Supervisor(HmapNode):
         self._observer = Observer(self, stale)
         self._remote = Caller(self, self._patience)
         self._controllers = Controllers(self, self._naming, self._patience)
+        self._observer.on_change(self._controllers.news.set)
         self._turn, self._jobs = threading.Lock(), threading.Lock()
         self._job: Job | None = None
         self._server = ActionServer(
@@ -115,18 +134,35 @@ class Supervisor(HmapNode):
     def _manipulate(self, job: Job) -> None:
         limit = time_limit(job.goal, self._time_limit)
         scene = self._goal_scene(job)
-        for attempt in range(self._replans + 1):
-            plan = self._plan(job, scene, attempt, limit)
+        follower = self._follower(job)
+        failures, old = 0, None
+        while True:
+            plan = self._plan(job, scene, follower, limit, old)
             if job.goal.plan_only:
                 self._compare(job, plan.scene.goal, plan.trajectory.objects[plan.scene.goal.object][-1])
                 return
             try:
-                self._follow(job, plan)
+                self._follow(job, follower, plan)
                 return
-            except ExecutionError as error:
-                if error.code not in RECOVERABLE or attempt == self._replans:
+            except Blocked as blocked:
+                job.blocked += 1
+                if job.blocked > self._obstacle_replans:
                     raise
-                self.get_logger().warning(f"{error}; planning anew from where everything is")
+                old = (plan, blocked.at)
+                reason = str(blocked)
+            except ExecutionError as error:
+                failures += 1
+                if error.code not in RECOVERABLE or failures > self._replans:
+                    raise
+                old = None
+                reason = str(error)
+            self.get_logger().warning(f"{reason}; planning anew from where everything is")
+            self._say(job, REPLANNING, reason)
+
+    def _follower(self, job: Job) -> Follower:
+        return Follower(
+            self._controllers, self._observer, lambda: self._canceled(job), lambda text: self._say(job, STOPPING, text)
+        )
 
     def _canceled(self, job: Job) -> bool:
         return job.handle.is_cancel_requested or job.replaced.is_set() or self.stopping.is_set()
@@ -161,22 +197,66 @@ class Supervisor(HmapNode):
 
     # planning
 
-    def _plan(self, job: Job, scene: Scene, attempt: int, limit: float) -> Plan:
-        state = self._observer.settled(self._state_patience)
+    def _plan(
+        self, job: Job, scene: Scene, follower: Follower, limit: float, old: tuple[Plan, float] | None = None
+    ) -> Plan:
+        """A plan from where everything is.
+
+        Args:
+            scene: with the goal; its bodies are taken as they are now.
+            old: a plan, and the planned time (s) up to which it was followed, when a body has come in its way. What is
+                good of it is kept, or where that gives no plan, nothing; where there is none either way, the bodies get
+                time to move on.
+        """
+        keep = old
+        while True:
+            changed = self._observer.changed()
+            try:
+                return self._plan_once(job, scene, follower, limit, keep)
+            except HmapError as error:
+                if old is None or error.code not in NO_PLAN:
+                    raise
+                if keep is None and not self._move_on(job, changed, error):
+                    raise
+                keep = old if keep is None else None
+
+    def _move_on(self, job: Job, since: float, error: HmapError) -> bool:
+        """Whether the bodies have moved, or do so within the patience."""
+        self._say(job, REPLANNING, f"waiting for the way to become free: {error.reason}")
+        moved = self._observer.wait_for_change(since, self._obstacle_patience, lambda: self._canceled(job))
+        return moved and not self._canceled(job)
+
+    def _plan_once(self, job: Job, scene: Scene, follower: Follower, limit: float, old) -> Plan:
+        state = follower.told(self._observer.settled(self._state_patience))
+        now, changed = self._observer.scene(), self._observer.changed()
+        scene = replace(now, goal=scene.goal)
+        backend = RosBackend(self._caller(job))
+        if old is not None:
+            backend = KeepingBackend(backend, old[0], scene.bodies, old[1])
+        job.plans += 1
         began = time.monotonic()
         plan = planner.plan(
             scene,
             state=state,
-            seed=int(job.goal.seed) + attempt,
+            seed=int(job.goal.seed) + job.plans - 1,
             time_limit=limit,
-            backend=RosBackend(self._caller(job)),
+            backend=backend,
             progress=lambda p: self._show_planning(job, p),
             canceled=lambda: self._canceled(job),
             clouds=self._observer.clouds(),
         )
         if self._canceled(job):
             raise PlannerError("canceled", Code.CANCELED)
-        plan = replace(plan, stats={"planning_time_s": time.monotonic() - began, **plan.stats, "plans": attempt + 1})
+        ended = time.monotonic()
+        stats = {"planning_time_s": ended - began, **plan.stats, "plans": job.plans, "blocked": job.blocked}
+        if job.blocked:
+            kept = getattr(backend, "kept", {})
+            stats |= {"obstacle_to_plan_s": ended - changed, "kept": kept}
+            self.get_logger().info(
+                f"planned anew in {stats['planning_time_s']:.2f} s, with the judge in {ended - began:.2f} s, "
+                f"{ended - changed:.2f} s after the obstacle was seen last; kept: {kept}"
+            )
+        plan = replace(plan, stats=stats)
         stamp = self.get_clock().now().to_msg()
         job.result.plan = plan_to_message(plan, stamp)
         job.result.statistics = statistics_to_messages(plan.stats)
@@ -190,11 +270,10 @@ class Supervisor(HmapNode):
 
     # execution
 
-    def _follow(self, job: Job, plan: Plan) -> None:
+    def _follow(self, job: Job, follower: Follower, plan: Plan) -> None:
         def show(now: float, end: float, label: str) -> None:
             self._say(job, PlannerStatus.EXECUTION, f"{now:.1f} of {end:.1f} s, {label}")
 
-        follower = Follower(self._controllers, self._observer, lambda: self._canceled(job))
         job.result.executed = True
         follower.follow(plan, show)
         goal = plan.scene.goal

@@ -50,6 +50,8 @@ class WorldNode(HmapNode):
         self._camera_period = self.parameter(
             "camera_period", 4.0, "simulated s between pictures, taken when something has moved; 0: on demand", 0.0, 1e6
         )
+        about = "whether bodies of the service add_body are in `scene`; false: only cameras see them"
+        self._announce = self.parameter("announce_added", True, about)
         self._clock_topic = self.create_publisher(Clock, "clock", 10)
         self._joints = self.create_publisher(JointState, "joint_states", 10)
         self._scene = self.create_publisher(SceneMessage, "scene", LATCHED)
@@ -92,19 +94,25 @@ class WorldNode(HmapNode):
     def _add(self, request, response) -> None:
         body = body_from_message(request.body)
         self._loop.call(lambda: self._loop.add(body))
-        self._offer_bodies()
+        self._bodies_changed()
 
     def _move(self, request, response) -> None:
         pose = pose_from_message(request.pose)
         self._loop.call(lambda: self._loop.move(request.name, pose))
-        self._offer_bodies()
+        self._bodies_changed()
 
     def _remove(self, request, response) -> None:
         if request.name not in self._loop.scene.bodies:
             known = ", ".join(self._loop.scene.bodies)
             raise InputError(f"no body {request.name!r} in the world; there are: {known}", Code.UNKNOWN_OBJECT)
         self._loop.call(lambda: self._loop.remove(request.name))
+        self._bodies_changed()
+
+    def _bodies_changed(self) -> None:
+        """Say so, or let the cameras see it at once."""
         self._offer_bodies()
+        if not self._announce:
+            self._loop.call(lambda: self._picture(self._loop.world))
 
     def _take_pictures(self, request, response):
         try:
@@ -121,8 +129,8 @@ class WorldNode(HmapNode):
         scene = self._loaded = self._loop.scene
         for name in list(self._actions):
             self._actions.pop(name).destroy()
-        for name in list(self._cameras):
-            self._cameras.pop(name).destroy()
+        if self._cameras:  # between two pictures, since the world's thread takes them
+            self._loop.call(self._destroy_cameras)
         self._actions = {
             name: ControllerActions(self, self._loop, self._naming, robot) for name, robot in scene.robots.items()
         }
@@ -133,6 +141,10 @@ class WorldNode(HmapNode):
         self._offer_bodies()
         self.set_status("simulating", task=scene.task, seed=scene.seed)
 
+    def _destroy_cameras(self) -> None:
+        for name in list(self._cameras):
+            self._cameras.pop(name).destroy()
+
     def _offer_bodies(self) -> None:
         scene = self._loop.scene
         movable = [body.name for body in scene.bodies.values() if body.kind is not BodyKind.FIXED]
@@ -142,7 +154,7 @@ class WorldNode(HmapNode):
         for name in movable:
             if name not in self._poses:
                 self._poses[name] = self.create_publisher(PoseStamped, self._naming.body_pose(name), 10)
-        self._scene.publish(scene_to_message(scene))
+        self._scene.publish(scene_to_message(scene if self._announce else self._loop.scene_without_added()))
 
     # in the world's thread
 

@@ -34,6 +34,13 @@ class Fusion:
         """The bodies whose poses are measured."""
         return list(self._poses)
 
+    def take_over(self, previous: "Fusion") -> None:
+        """Keep what was measured of the robots and bodies of the same task before."""
+        with previous._lock, self._lock:
+            self._joints |= previous._joints
+            for name in self._poses.keys() & previous._poses.keys():
+                self._poses[name].extend(previous._poses[name])
+
     def add_joints(self, time: float, names, positions, velocities) -> None:
         """Take in joint states; unknown joints are left out.
 

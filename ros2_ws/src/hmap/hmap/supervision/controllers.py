@@ -1,7 +1,9 @@
 """Commands to arms and grippers through their actions; waits by events, and a cancel stops the motion."""
 
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from action_msgs.msg import GoalStatus
@@ -11,25 +13,48 @@ from hmap.action_client import ActionClient
 from hmap.naming import Naming
 from hmap.node import HmapNode
 from hmap_core.exceptions import Code, ExecutionError, PlannerError
+from hmap_core.simulation.controllers import JointTrajectory
 from hmap_core.types import Scene
-from hmap_msgs_py.times import joint_trajectory_to_message
+from hmap_msgs_py.times import joint_trajectory_to_message, seconds_from_message, time_to_message
 
 POLL = 0.05  # s between looks at a cancel
 CANCEL_TIMEOUT = 5.0  # s for a controller to come to rest after a cancel
 
 
+@dataclass(frozen=True)
+class Feedback:
+    """Where a controller tells its joints to be.
+
+    Attributes:
+        arrived: s of the steady clock.
+        stamp: s of the controller's clock.
+        positions: (n,) rad, base to tip.
+    """
+
+    arrived: float
+    stamp: float
+    positions: np.ndarray
+
+
 class Command:
     """A goal that was sent to a controller."""
 
-    def __init__(self, name: str, client: ActionClient, goal):
+    def __init__(self, name: str, client: ActionClient, goal, news: threading.Event, joints: Sequence[str] = ()):
+        """
+        Args:
+            news: set when it has ended.
+            joints: names on the wire, in whose order reported positions are wanted.
+        """
         self.name = name
         self.done = threading.Event()
+        self.feedback: list[Feedback] = []  # the first and the last
         self.status, self.result = GoalStatus.STATUS_UNKNOWN, None
         self.accepted = False
         self._handle = None
         self._cancel = False
         self._lock = threading.Lock()
-        client.send_goal_async(goal).add_done_callback(self._answered)
+        self._news, self._joints = news, list(joints)
+        client.send_goal_async(goal, self._report).add_done_callback(self._answered)
 
     def cancel(self) -> None:
         """Ask the controller to stop, now or as soon as it has taken the goal."""
@@ -39,10 +64,22 @@ class Command:
         if handle is not None and not self.done.is_set():
             handle.cancel_goal_async()
 
+    def _report(self, message) -> None:
+        if not self._joints or sorted(message.feedback.joint_names) != sorted(self._joints):
+            return
+        at = dict(zip(message.feedback.joint_names, message.feedback.desired.positions, strict=True))
+        stamp = seconds_from_message(message.feedback.header.stamp)
+        entry = Feedback(time.monotonic(), stamp, np.array([at[name] for name in self._joints]))
+        self.feedback = [*self.feedback[:1], entry]
+
+    def _end(self) -> None:
+        self.done.set()
+        self._news.set()
+
     def _answered(self, future) -> None:
         handle = future.result()
         if not handle.accepted:
-            self.done.set()
+            self._end()
             return
         self.accepted = True
         with self._lock:
@@ -55,7 +92,7 @@ class Command:
     def _finished(self, future) -> None:
         response = future.result()
         self.status, self.result = response.status, response.result
-        self.done.set()
+        self._end()
 
 
 class Controllers:
@@ -68,13 +105,16 @@ class Controllers:
         """
         self._node, self._naming, self._patience = node, naming, patience
         self._clients: dict[str, ActionClient] = {}
+        self.news = threading.Event()  # set when a command has ended, or by others, so that who waits looks again
 
-    def move(self, scene: Scene, robot: str, time: np.ndarray, q: np.ndarray, qd: np.ndarray) -> Command:
-        """Send an arm along samples q (N, n) with velocities qd (N, n) at times (N,) from now."""
+    def move(self, scene: Scene, robot: str, motion: JointTrajectory, start: float | None = None) -> Command:
+        """Send an arm along a trajectory; its times count from ``start`` (s of the controller's clock), or from now."""
         names = self._naming.arm_joints(robot, scene.robots[robot].model)
-        trajectory = joint_trajectory_to_message(names, time, q, qd)
+        trajectory = joint_trajectory_to_message(names, motion.times, motion.positions, motion.velocities)
+        if start is not None:
+            trajectory.header.stamp = time_to_message(start)
         goal = FollowJointTrajectory.Goal(trajectory=trajectory)
-        return self._send(FollowJointTrajectory, self._naming.arm_action(robot), goal)
+        return self._send(FollowJointTrajectory, self._naming.arm_action(robot), goal, names)
 
     def grip(self, robot: str, opening: float, force: float) -> Command:
         """Send a gripper to an opening (m) with at most ``force`` (N)."""
@@ -82,29 +122,38 @@ class Controllers:
         goal.command.position, goal.command.max_effort = float(opening), float(force)
         return self._send(GripperCommand, self._naming.gripper_action(robot), goal)
 
-    def wait(self, commands: list[Command], canceled: Callable[[], bool], limit: float) -> None:
+    def wait(
+        self,
+        commands: list[Command],
+        canceled: Callable[[], bool],
+        limit: float,
+        look: Callable[[], None] | None = None,
+    ) -> None:
         """Wait until all have ended.
 
         Args:
             canceled: asked while waiting; true stops all commands.
             limit: s of real time without an end after which a controller is taken to hang.
+            look: called whenever there is news, and now and then; what it raises ends the waiting, not the commands.
 
         Raises:
             PlannerError: CANCELED; everything stands.
             ExecutionError: TRACKING_LOST; one failed or hangs, the others were stopped.
         """
-        left = limit
+        until = time.monotonic() + limit
         while not all(command.done.is_set() for command in commands):
             if canceled():
                 self._stop(commands)
                 raise PlannerError("canceled; the motion was stopped", Code.CANCELED)
             failed = next((c for c in commands if c.done.is_set() and _failure(c)), None)
-            if failed or left <= 0.0:
+            if failed or time.monotonic() > until:
                 self._stop(commands)
                 reason = _failure(failed) if failed else f"no controller finished within {limit:g} s"
                 raise ExecutionError(reason, Code.TRACKING_LOST)
-            next(c for c in commands if not c.done.is_set()).done.wait(POLL)
-            left -= POLL
+            if look is not None:
+                look()
+            self.news.wait(POLL)
+            self.news.clear()
         for command in commands:
             if reason := _failure(command):
                 raise ExecutionError(reason, Code.TRACKING_LOST)
@@ -115,13 +164,13 @@ class Controllers:
         for command in commands:
             command.done.wait(CANCEL_TIMEOUT)
 
-    def _send(self, kind: type, name: str, goal) -> Command:
+    def _send(self, kind: type, name: str, goal, joints: Sequence[str] = ()) -> Command:
         if name not in self._clients:
             self._clients[name] = ActionClient(self._node, kind, name, callback_group=self._node.group)
         client = self._clients[name]
         if not client.wait_for_server(self._patience):
             raise ExecutionError(f"no controller offers the action {name!r}", Code.SERVICE_UNAVAILABLE)
-        return Command(name, client, goal)
+        return Command(name, client, goal, self.news, joints)
 
 
 def _failure(command: Command) -> str:

@@ -1,15 +1,33 @@
-"""Executes a plan through the controllers, stretch by stretch, and watches the objects between the stretches."""
+"""Executes a plan through the controllers, stretch by stretch, and watches the objects between the stretches.
 
-from collections.abc import Callable
+It stops where a body that the plan does not know comes in its way.
+"""
+
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from hmap.supervision.controllers import Controllers
+from hmap.supervision.clock import StretchClock
+from hmap.supervision.controllers import Command, Controllers
+from hmap.supervision.drift import drifted
 from hmap.supervision.observer import Observer
 from hmap_core import transforms
 from hmap_core.exceptions import Code, ExecutionError
-from hmap_core.execution.stretches import Stretch, check_executable, joint_trajectory, stretches
-from hmap_core.types import BodyKind, Plan, SceneState
+from hmap_core.execution.halt import Halt, halt
+from hmap_core.execution.stretches import Stretch, check_executable, index_at, joint_trajectory, stretches
+from hmap_core.planner.conflicts import Conflict, first_conflict, unknown_bodies
+from hmap_core.planner.interruption import (
+    back_to,
+    clear_sample,
+    contact_at,
+    contacts,
+    good_until,
+    release,
+    stable_sample,
+)
+from hmap_core.planner.replan import KeptSegment
+from hmap_core.simulation.controllers import JointTrajectory
+from hmap_core.types import Body, BodyKind, Plan, SceneState
 
 MOVING = 1e-6  # rad; a joint that moves less in a stretch stands still
 OPENING_CHANGE = 1e-4  # m; a smaller change of the opening needs no command
@@ -18,35 +36,179 @@ LOST_POSITION, LOST_ANGLE = 0.05, np.deg2rad(30.0)  # m, rad off the plan at whi
 HANG = 120.0  # s of real time for one stretch, beyond its planned duration
 GRIP_LIMIT = 30.0  # s of real time for a gripper
 STATE_PATIENCE = 5.0  # s for a world state
+LEAD = 0.15  # s of real time that a command takes at most to reach its controller
+TOLD = 0.01  # rad that joints may be from where they were told to be for that to count as their place
+BACK_OFF = 0.2  # s of the plan before a place too near to a new body to which a hand goes back
+SAME_TIME = 1e-6  # s
 
 OnProgress = Callable[[float, float, str], None]  # planned time now and at the end (s), what is done
+
+
+class Blocked(ExecutionError):
+    """A body that the plan does not know is in its way; robots stand, hands are free.
+
+    Attributes:
+        conflict: what meets what, and when.
+        at: planned time (s) up to which the object went its way.
+    """
+
+    default_code = Code.GOAL_MISSED
+
+    def __init__(self, conflict: Conflict, at: float):
+        super().__init__(f"{conflict.body!r} is in the way of {conflict.what!r} at {conflict.time:.2f} s of the plan")
+        self.conflict, self.at = conflict, at
+
+
+class _Stop(Exception):
+    """The plan cannot be followed to the next place where the hands are free."""
+
+    def __init__(self, conflict: Conflict):
+        self.conflict = conflict
 
 
 class Follower:
     """Follows plans; one at a time."""
 
-    def __init__(self, controllers: Controllers, observer: Observer, canceled: Callable[[], bool]):
+    def __init__(
+        self,
+        controllers: Controllers,
+        observer: Observer,
+        canceled: Callable[[], bool],
+        on_stop: Callable[[str], None] = lambda text: None,
+    ):
+        """
+        Args:
+            canceled: asked while waiting; true stops the motion.
+            on_stop: called with what is in the way when everything is about to stop.
+        """
         self._controllers, self._observer, self._canceled = controllers, observer, canceled
+        self._on_stop = on_stop
+        self._told: dict[str, np.ndarray] = {}  # robot -> where its joints were sent last
 
     def follow(self, plan: Plan, on_progress: OnProgress) -> None:
         """Execute a plan from its start to its end.
 
         Raises:
             InputError: the plan cannot be executed at all.
-            ExecutionError: TRACKING_LOST, OBJECT_DROPPED.
+            Blocked: a body that the plan does not know is in the way.
+            ExecutionError: TRACKING_LOST, OBJECT_DROPPED, GOAL_MISSED.
+            MotionError: the way is blocked, and a hand cannot let go of what it holds.
             PlannerError: CANCELED; the motion was stopped.
         """
         check_executable(plan)
         time = plan.trajectory.time
         self._openings: dict[str, float] = {}
         self._held: dict[str, str] = {}
+        self._watched: Mapping[str, Body] | None = None
+        self._until: tuple[float, Conflict] | None = None
+        breaks = [contact.last for contact in contacts(plan)][:-1]
         for stretch in stretches(plan):
             on_progress(float(time[stretch.first]), float(time[-1]), stretch.label)
-            self._grip(plan, stretch)
-            self._move(plan, stretch)
-            self._watch(plan, stretch.last)
+            clock = StretchClock(plan, stretch, {})
+            try:
+                self._look(plan, clock)
+                if self._until is not None and time[stretch.first] >= self._until[0] - SAME_TIME:
+                    raise Blocked(self._until[1], float(time[stretch.first]))
+                self._grip(plan, stretch, clock)
+                self._move(plan, stretch)
+            except _Stop as stop:
+                self._on_stop(f"{stop.conflict.body!r} is in the way of {stop.conflict.what!r}")
+                at = getattr(stop, "at", float(time[stretch.first]))
+                raise Blocked(stop.conflict, self._leave(plan, at)) from None
+            self._watch(plan, stretch.last, stretch.last in breaks)
 
-    def _grip(self, plan: Plan, stretch: Stretch) -> None:
+    def told(self, state: SceneState) -> SceneState:
+        """The state with the joints where they were told to be, so that what starts there starts without a jump."""
+        state = state.copy()
+        for robot, q in self._told.items():
+            if robot in state.q and np.abs(q - state.q[robot]).max() <= TOLD:
+                state.q[robot] = q.copy()
+        return state
+
+    # what comes in the way
+
+    def _look(self, plan: Plan, clock: StretchClock) -> None:
+        """Where bodies have come or moved: can the plan be followed on? Raises _Stop where it cannot."""
+        scene = self._observer.scene()
+        if scene is None or scene.bodies is self._watched:
+            return
+        self._watched = scene.bodies
+        new = unknown_bodies(plan, scene.bodies)
+        now = clock.now()
+        conflict = first_conflict(plan, new, now)
+        if conflict is None:
+            self._until = None
+            return
+        until = good_until(plan, now, conflict)
+        if until is None:
+            raise _Stop(conflict)
+        self._until = (until, conflict)
+
+    def _stop(self, plan: Plan, stretch: Stretch, commands: dict[str, Command], clock: StretchClock) -> float:
+        """Bring everything to rest along the path; the planned time (s) of the place."""
+        ahead = clock.now() + LEAD * clock.rate
+        stop = halt(plan, stretch, ahead)
+        slowing = list(commands.values())
+        if stop.rests < plan.trajectory.time[stretch.last] - SAME_TIME:  # else it ends before it could stop
+            slowing = [
+                self._send(plan, robot, _with_way_there(plan, robot, stretch, stop), clock.start) for robot in commands
+            ]
+        self._controllers.wait(slowing, self._canceled, HANG)
+        return stop.rests
+
+    def _leave(self, plan: Plan, at: float) -> float:
+        """Let the hand come free of the object; the planned time (s) up to which the object went its way."""
+        contact = contact_at(plan, at)
+        if contact is None:
+            return at
+        time, robot = plan.trajectory.time, contact.segment.robot
+        if at <= time[contact.begin] + SAME_TIME:
+            sample = min(clear_sample(plan, contact, at), self._free_sample(plan, contact, at))
+            if time[sample] < at - SAME_TIME:
+                self._open(plan, robot, float(plan.trajectory.gripper[robot][sample]))
+                self._go_back(plan, contact, sample, at)
+            return float(time[contact.first])
+        left = np.abs(plan.trajectory.joints[robot][index_at(time, at)] - plan.trajectory.joints[robot][contact.end])
+        if at > time[contact.end] + SAME_TIME and left.max() > MOVING:
+            return at
+        sample = stable_sample(plan, contact, min(at, float(time[contact.end])))
+        if time[sample] < at - 2.0 * (time[1] - time[0]):
+            self._go_back(plan, contact, sample, at)
+            at = float(time[sample])
+        self._let_go(plan, contact)
+        return at
+
+    def _free_sample(self, plan: Plan, contact: KeptSegment, at: float) -> int:
+        """The last sample on the way to a contact, up to ``at`` (s), before the way comes too near to a new body."""
+        time = plan.trajectory.time
+        new = unknown_bodies(plan, self._observer.scene().bodies)
+        conflict = first_conflict(plan, new, float(time[contact.first]), at)
+        until = at if conflict is None else conflict.time - BACK_OFF
+        return max(contact.first, index_at(time, until))
+
+    def _go_back(self, plan: Plan, contact: KeptSegment, sample: int, at: float) -> None:
+        robot = contact.segment.robot
+        state = self.told(self._observer.settled(STATE_PATIENCE))
+        motion = back_to(plan, robot, sample, state.q[robot], at)
+        if motion is not None:
+            self._controllers.wait([self._send(plan, robot, motion)], self._canceled, HANG)
+
+    def _let_go(self, plan: Plan, contact: KeptSegment) -> None:
+        state = self.told(self._observer.settled(STATE_PATIENCE))
+        opening, motion = release(self._observer.scene(), state, plan, contact)
+        self._open(plan, contact.segment.robot, opening)
+        self._controllers.wait([self._send(plan, contact.segment.robot, motion)], self._canceled, HANG)
+
+    def _open(self, plan: Plan, robot: str, opening: float) -> None:
+        gripper = plan.scene.robots[robot].model.gripper
+        if gripper is not None:
+            command = self._controllers.grip(robot, opening, gripper.force)
+            self._controllers.wait([command], self._canceled, GRIP_LIMIT)
+        self._held.pop(robot, None)
+
+    # the plan
+
+    def _grip(self, plan: Plan, stretch: Stretch, clock: StretchClock) -> None:
         """Close on what is held from here, open what is let go, and wait until the fingers stand."""
         commands = {}
         for robot, placed in plan.scene.robots.items():
@@ -67,6 +229,7 @@ class Follower:
         for robot, command in commands.items():
             if robot in stretch.held:
                 self._check_grip(plan, stretch, robot, command.result.position)
+        self._look(plan, clock)
 
     def _check_grip(self, plan: Plan, stretch: Stretch, robot: str, opening: float) -> None:
         planned = float(plan.trajectory.gripper[robot][stretch.first])
@@ -78,29 +241,53 @@ class Follower:
             )
 
     def _move(self, plan: Plan, stretch: Stretch) -> None:
-        commands, duration = [], 0.0
+        commands, duration = {}, 0.0
         for robot in plan.scene.robots:
             motion = joint_trajectory(plan, robot, stretch)
             if np.ptp(motion.positions, axis=0).max() > MOVING:
                 duration = float(motion.times[-1])
-                commands.append(
-                    self._controllers.move(plan.scene, robot, motion.times, motion.positions, motion.velocities)
-                )
-        self._controllers.wait(commands, self._canceled, duration + HANG)
+                commands[robot] = self._send(plan, robot, motion)
+        clock = StretchClock(plan, stretch, commands)
 
-    def _watch(self, plan: Plan, sample: int) -> None:
+        def look() -> None:
+            if all(command.feedback for command in commands.values()):  # else nobody knows how far it is
+                self._look(plan, clock)
+
+        try:
+            self._controllers.wait(list(commands.values()), self._canceled, duration + HANG, look)
+        except _Stop as stop:
+            stop.at = self._stop(plan, stretch, commands, clock)
+            raise
+
+    def _send(self, plan: Plan, robot: str, motion: JointTrajectory, start: float | None = None) -> Command:
+        self._told[robot] = np.array(motion.positions[-1])
+        return self._controllers.move(plan.scene, robot, motion, start)
+
+    def _watch(self, plan: Plan, sample: int, between_contacts: bool = False) -> None:
         _, state = self._observer.state(STATE_PATIENCE)
-        if _lost(plan, sample, state):  # or the state is of before the end of the stretch
-            state = self._observer.settled(STATE_PATIENCE)
+        if _lost(plan, sample, state) or (between_contacts and drifted(plan, sample, state)):
+            state = self._observer.settled(STATE_PATIENCE)  # that state may be of before the end of the stretch
         for reason in _lost(plan, sample, state):
             raise ExecutionError(reason, Code.OBJECT_DROPPED)
+        reason = drifted(plan, sample, state) if between_contacts else None
+        if reason is not None:
+            raise ExecutionError(reason, Code.GOAL_MISSED)
+
+
+def _with_way_there(plan: Plan, robot: str, stretch: Stretch, halted: Halt) -> JointTrajectory:
+    """The motion of a robot in a stretch that ends in a stop; a controller leaves out what is past."""
+    planned, stop = joint_trajectory(plan, robot, stretch), halted.motions[robot]
+    rows = planned.times < stop.times[0] - SAME_TIME
+    parts = [(planned.times[rows], stop.times), (planned.positions[rows], stop.positions)]
+    parts.append((planned.velocities[rows], stop.velocities))
+    return JointTrajectory(planned.names, *(np.concatenate(pair) for pair in parts))
 
 
 def _lost(plan: Plan, sample: int, state: SceneState) -> list[str]:
     """What has become of the bodies that are far from where the plan has them."""
     reasons = []
     for name, body in plan.scene.bodies.items():
-        if body.kind is BodyKind.FIXED:
+        if body.kind is BodyKind.FIXED or name not in state.poses:
             continue
         distance, angle = transforms.distance(plan.trajectory.objects[name][sample], state.poses[name])
         if distance > LOST_POSITION or angle > LOST_ANGLE:

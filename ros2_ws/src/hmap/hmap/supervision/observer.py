@@ -3,16 +3,17 @@
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
-from hmap.conversions import cloud_from_message, scene_from_message, state_from_message
+from hmap.conversions import body_from_message, cloud_from_message, scene_from_message, state_from_message
 from hmap.node import LATCHED, HmapNode
 from hmap_core import transforms
 from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import Code, InputError, PlannerError
-from hmap_core.types import Scene, SceneState
-from hmap_msgs.msg import ObjectClouds, WorldState
+from hmap_core.types import Body, BodyKind, Scene, SceneState
+from hmap_msgs.msg import BodyArray, ObjectClouds, WorldState
 from hmap_msgs.msg import Scene as SceneMessage
 from hmap_msgs_py.times import seconds_from_message
 
@@ -23,7 +24,7 @@ REST_LOOKS = 15  # looks at most
 
 
 class Observer:
-    """Follows ``scene``, ``world_state`` and ``object_clouds``."""
+    """Follows ``scene``, ``new_object``, ``world_state`` and ``object_clouds``."""
 
     def __init__(self, node: HmapNode, stale_after: float):
         """
@@ -32,18 +33,40 @@ class Observer:
         """
         self._node, self._stale_after = node, stale_after
         self._news = threading.Condition()
-        self._scene: Scene | None = None
+        self._base: Scene | None = None  # as `scene` tells
+        self._text = ""  # of it
+        self._seen: dict[str, Body] = {}  # what only the cameras tell of
+        self._scene: Scene | None = None  # both together
+        self._changed = 0.0  # when the bodies changed last, on the steady clock
+        self._listeners: list[Callable[[], None]] = []
         self._state: tuple[float, SceneState] | None = None  # stamp, state
         self._arrived = -float("inf")  # on the steady clock
         self._clouds: dict[str, Cloud] = {}
         node.subscribe(SceneMessage, "scene", self._take_scene, LATCHED)
         node.subscribe(WorldState, "world_state", self._take_state)
+        node.subscribe(BodyArray, "new_object", self._take_new, LATCHED)
         node.subscribe(ObjectClouds, "object_clouds", self._take_clouds, LATCHED)
 
     def scene(self) -> Scene | None:
         """The loaded scene, if there is one."""
         with self._news:
             return self._scene
+
+    def changed(self) -> float:
+        """When bodies came, moved otherwise than by themselves, or went for the last time: s of the steady clock."""
+        with self._news:
+            return self._changed
+
+    def on_change(self, listener: Callable[[], None]) -> None:
+        """Call a function, which must not wait, whenever the bodies change."""
+        with self._news:
+            self._listeners.append(listener)
+
+    def wait_for_change(self, since: float, patience: float, canceled: Callable[[], bool]) -> bool:
+        """Wait until the bodies have changed after ``since`` (s of the steady clock); whether they did in time."""
+        with self._news:
+            self._wait(lambda: self._changed > since or canceled(), time.monotonic() + patience)
+            return self._changed > since
 
     def clouds(self) -> dict[str, Cloud]:
         """What has been seen of each object."""
@@ -112,20 +135,50 @@ class Observer:
             self._news.wait(min(left, 0.5))
 
     def _take_scene(self, message: SceneMessage) -> None:
-        scene = scene_from_message(message)
+        base = scene_from_message(message)
         with self._news:
-            if self._scene is None or self._scene.bodies.keys() != scene.bodies.keys():
+            same = self._base is not None and (self._base.task, self._base.seed) == (base.task, base.seed)
+            if not same:
+                self._seen = {}
+            if self._base is None or self._base.bodies.keys() != base.bodies.keys():
                 self._clouds = {}
-            self._scene, self._state = scene, None  # a state of before may be of other bodies
-            self._news.notify_all()
+            # the same scene once more: it was put back to its start, so a state of before says nothing
+            changed = same and message.text != self._text
+            self._base, self._text = base, message.text
+            self._merge(keep_state=changed)
+
+    def _take_new(self, message: BodyArray) -> None:
+        bodies = [body_from_message(entry) for entry in message.bodies]
+        with self._news:
+            self._seen = {body.name: body for body in bodies}
+            if self._base is not None:
+                self._merge(keep_state=True)
+
+    def _merge(self, keep_state: bool) -> None:
+        """The scene with all that was seen in it; a state of before counts where it lacks no measured body."""
+        seen = {name: body for name, body in self._seen.items() if name not in self._base.bodies}
+        self._scene = replace(self._base, bodies=self._base.bodies | seen)
+        state = self._state if keep_state else None
+        if state is not None:
+            fixed = {n: body.pose for n, body in self._scene.bodies.items() if body.kind is BodyKind.FIXED}
+            poses = {n: T for n, T in (state[1].poses | fixed).items() if n in self._scene.bodies}
+            complete = poses.keys() == self._scene.bodies.keys()
+            state = (state[0], replace(state[1], poses=poses)) if complete else None
+        self._state = state
+        self._changed = time.monotonic()
+        self._news.notify_all()
+        for listener in self._listeners:
+            listener()
 
     def _take_state(self, message: WorldState) -> None:
-        scene = self.scene()
-        if scene is None:
-            return
-        state = state_from_message(scene, message)
         with self._news:
-            if scene is self._scene:
+            base = self._base
+        if base is None:
+            return
+        state = state_from_message(base, message)
+        with self._news:
+            if base is self._base:
+                state.poses |= {n: body.pose for n, body in self._scene.bodies.items() if n not in base.bodies}
                 self._state, self._arrived = (seconds_from_message(message.header.stamp), state), time.monotonic()
                 self._news.notify_all()
 

@@ -54,7 +54,8 @@ class ControllerActions:
         result = FollowJointTrajectory.Result()
         try:
             trajectory, tolerances = self._command(handle.request)
-            motion = self._loop.follow(self._robot.name, trajectory, tolerances)
+            start = seconds_from_message(handle.request.trajectory.header.stamp) or None  # 0: now
+            motion = self._loop.follow(self._robot.name, trajectory, tolerances, start)
         except (HmapError, ConversionError) as error:
             result.error_code, result.error_string = FollowJointTrajectory.Result.INVALID_GOAL, str(error)
             handle.abort()

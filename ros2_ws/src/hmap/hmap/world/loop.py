@@ -15,6 +15,7 @@ from hmap_core.simulation.controllers import (
     Outcome,
     Tolerances,
     TrajectoryController,
+    from_instant,
 )
 from hmap_core.simulation.world import SimulatedWorld
 from hmap_core.types import Scene
@@ -110,9 +111,21 @@ class WorldLoop(threading.Thread):
         self.world.reset(scene)
         self._start(scene)
 
-    def follow(self, robot: str, trajectory: JointTrajectory, tolerances: Tolerances) -> Motion:
-        """Start a trajectory. Raises InputError, as the controller does."""
-        return self.call(lambda: self._begin(self._arms[robot], trajectory, self.world.time, tolerances))
+    def follow(
+        self, robot: str, trajectory: JointTrajectory, tolerances: Tolerances, start: float | None = None
+    ) -> Motion:
+        """Start a trajectory, whose times count from ``start`` (simulated s), or from now.
+
+        Raises:
+            InputError: as the controller does, or all of it is in the past.
+        """
+
+        def begin() -> Motion:
+            now = self.world.time
+            left = trajectory if start is None else from_instant(trajectory, start, now)
+            return self._begin(self._arms[robot], left, now, tolerances)
+
+        return self.call(begin)
 
     def grip(self, robot: str, opening: float, force: float) -> Motion:
         """Start a gripper command. Raises InputError, as the controller does."""
@@ -127,6 +140,11 @@ class WorldLoop(threading.Thread):
         self.call(self._grippers[robot].cancel)
 
     # bodies; inside calls
+
+    def scene_without_added(self) -> Scene:
+        """The scene without the bodies that were added to it."""
+        kept = {name: body for name, body in self.scene.bodies.items() if name not in self.added}
+        return replace(self.scene, bodies=kept)
 
     def add(self, body) -> None:
         """Put a body into world and scene."""

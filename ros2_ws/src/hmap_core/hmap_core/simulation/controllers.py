@@ -5,7 +5,13 @@ They are stepped with the present time and neither know nor care whether the joi
 
 from hmap_core.simulation.gripper_controller import STALL_TIME, GripperController, GripperResult
 from hmap_core.simulation.outcome import Outcome
-from hmap_core.simulation.trajectory_controller import JointTrajectory, Tolerances, Tracking, TrajectoryController
+from hmap_core.simulation.trajectory_controller import (
+    JointTrajectory,
+    Tolerances,
+    Tracking,
+    TrajectoryController,
+    from_instant,
+)
 
 __all__ = [
     "STALL_TIME",
@@ -16,4 +22,5 @@ __all__ = [
     "Tolerances",
     "Tracking",
     "TrajectoryController",
+    "from_instant",
 ]

@@ -1,6 +1,6 @@
 """Follows joint trajectories, as ros2_control's joint_trajectory_controller does behind FollowJointTrajectory."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ PATH_TOLERANCE = 0.1  # rad; farther behind while moving, a joint is taken to be
 GOAL_TOLERANCE = 0.01  # rad
 STOPPED_VELOCITY = 0.02  # rad/s; slower counts as standing
 GOAL_TIME_TOLERANCE = 1.0  # s after the end of a trajectory for the joints to arrive
+LEAST_TIME = 0.002  # s from now; points of a trajectory that is taken up in its middle come no sooner
 START_TOLERANCE = 0.02  # rad between a trajectory's start and where the joints are told to be
 
 
@@ -57,6 +58,25 @@ class Tracking:
     def error(self) -> np.ndarray:
         """Desired minus actual positions (n,), rad."""
         return self.q - self.q_actual
+
+
+def from_instant(trajectory: JointTrajectory, start: float, now: float) -> JointTrajectory:
+    """What is left at ``now`` (s) of a trajectory whose times count from ``start`` (s), its times counted from now.
+
+    As ros2_control's controller does with the stamp in a trajectory's header: points in the past are left out, and the
+    joints go from where they are told to be to the first that is left. A start in the future is waited for likewise.
+
+    Raises:
+        InputError: all of it is in the past.
+    """
+    times = np.asarray(trajectory.times, float) + (start - now)
+    left = times > LEAST_TIME
+    if not left.any():
+        raise InputError(f"the trajectory ended {now - start - float(trajectory.times[-1]):.3f} s ago")
+    velocities = None if trajectory.velocities is None else np.asarray(trajectory.velocities)[left]
+    return replace(
+        trajectory, times=times[left], positions=np.asarray(trajectory.positions)[left], velocities=velocities
+    )
 
 
 class TrajectoryController:

@@ -1,0 +1,57 @@
+"""A plan after a body came in the way: first with what is kept, then without, then once the bodies have moved on."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from hmap.nodes.supervisor import Supervisor
+from hmap_core.exceptions import Code, ContactError, HmapError, PlannerError
+
+OLD = ("an old plan", 1.0)
+
+
+def supervisor(answers, moves: list[bool]):
+    """Stands in for the node: plans as ``answers`` say, and bodies that move on as ``moves`` say."""
+    asked = []
+
+    def plan_once(job, scene, follower, limit, keep):
+        asked.append(keep)
+        answer = answers.pop(0)
+        if isinstance(answer, HmapError):
+            raise answer
+        return answer
+
+    observer = SimpleNamespace(changed=lambda: 0.0)
+    node = SimpleNamespace(_observer=observer, _plan_once=plan_once, _move_on=lambda *_: moves.pop(0))
+    return node, asked
+
+
+def plan(node, old=OLD):
+    return Supervisor._plan(node, None, None, None, 10.0, old)
+
+
+def no_contact() -> ContactError:
+    return ContactError("none", Code.NO_CONTACT)
+
+
+def test_what_is_kept_comes_first_then_nothing_then_the_bodies_have_to_move():
+    node, asked = supervisor([no_contact(), no_contact(), "plan"], [True])
+    assert plan(node) == "plan"
+    assert asked == [OLD, None, OLD]
+
+
+def test_bodies_that_do_not_move_on_leave_the_error():
+    node, asked = supervisor([no_contact(), no_contact()], [False])
+    with pytest.raises(ContactError):
+        plan(node)
+    assert asked == [OLD, None]
+
+
+@pytest.mark.parametrize(
+    ("error", "old"), [(PlannerError("canceled", Code.CANCELED), OLD), (no_contact(), None)], ids=["cancel", "no body"]
+)
+def test_other_errors_are_the_answer_at_once(error, old):
+    node, asked = supervisor([error], [])
+    with pytest.raises(HmapError):
+        plan(node, old)
+    assert asked == [old]

@@ -1,0 +1,134 @@
+"""A plan that is blocked ahead: how far it may still be followed, and how a hand lets go where it has to stop."""
+
+import numpy as np
+
+from hmap_core import transforms
+from hmap_core.contacts.feasibility import draw_back, ik_problem
+from hmap_core.exceptions import MotionError
+from hmap_core.execution.stretches import index_at
+from hmap_core.execution.timing import time_parameterise
+from hmap_core.kinematics.arm import load_arm
+from hmap_core.komo.manipulation import GRASP_RETREAT, Manipulation, Phase, free_opening
+from hmap_core.planner.conflicts import Conflict
+from hmap_core.planner.local import placed_bodies
+from hmap_core.planner.motion import FREE_ACCELERATION, FREE_SPEED, HOLD_ACCELERATION, HOLD_SPEED, SAMPLE_PERIOD
+from hmap_core.planner.replan import KeptSegment, contact_of, kept_segments
+from hmap_core.simulation.controllers import JointTrajectory
+from hmap_core.types import Plan, Scene, SceneState
+from hmap_core.waypoints import standing
+
+AT_THE_RETREAT = 0.002  # m short of where the hand draws back to
+THERE = 1e-4  # rad; a joint that has less to go is there
+CORNER = 0.02  # rad between points of a way back
+CAUTION = 0.3  # s of the plan before a conflict at which everything has to stand
+
+
+def contacts(plan: Plan) -> list[KeptSegment]:
+    """Every contact of a plan in order."""
+    handled = dict.fromkeys(segment.object for segment in plan.segments if segment.object is not None)
+    return sorted((kept for name in handled for kept in kept_segments(plan, name)), key=lambda kept: kept.begin)
+
+
+def good_until(plan: Plan, now: float, conflict: Conflict) -> float | None:
+    """Planned time (s) up to which a plan is still followed that meets a conflict ahead; None: it has to stop at once.
+
+    It is good up to the last place before the conflict at which a hand has just drawn back from a contact, so that a
+    contact that has been made is left in good order.
+
+    Args:
+        now: planned time (s) at which it is being followed.
+    """
+    ends = [float(plan.trajectory.time[kept.last]) for kept in contacts(plan)]
+    return max((end for end in ends if now < end <= conflict.time - CAUTION), default=None)
+
+
+def contact_at(plan: Plan, at: float) -> KeptSegment | None:
+    """The contact that a planned time (s) belongs to, the ways there and back included."""
+    k = index_at(plan.trajectory.time, at)
+    return next((kept for kept in contacts(plan) if kept.first <= k <= kept.last), None)
+
+
+def clear_sample(plan: Plan, contact: KeptSegment, at: float) -> int:
+    """The last sample, at the planned time ``at`` (s) or before it, at which the hand is not yet round the object."""
+    arm = load_arm(plan.scene.robots[contact.segment.robot].model)
+    q = plan.trajectory.joints[contact.segment.robot]
+    rows = np.arange(contact.first, index_at(plan.trajectory.time, at) + 1)
+    tips = arm.end_effectors(q[rows])[:, :3]
+    away = np.linalg.norm(tips - arm.end_effector(q[contact.begin])[:3], axis=1)
+    far = np.flatnonzero(away >= GRASP_RETREAT - AT_THE_RETREAT)
+    return int(rows[far[-1]]) if len(far) else contact.first
+
+
+def stable_sample(plan: Plan, contact: KeptSegment, at: float) -> int:
+    """The nearest sample, at the planned time ``at`` (s) or before it in the contact, at which the object stands."""
+    rows = np.arange(contact.begin, index_at(plan.trajectory.time, at) + 1)
+    poses = plan.trajectory.objects[contact.segment.object][rows]
+    name = contact.segment.object
+    others = placed_bodies(plan.scene, state_at(plan, int(rows[-1])), name)
+    stands = np.flatnonzero(standing(plan.scene.bodies[name], poses, others))
+    return int(rows[stands[-1]]) if len(stands) else contact.begin
+
+
+def state_at(plan: Plan, k: int) -> SceneState:
+    """Where everything is at sample k of a plan."""
+    trajectory = plan.trajectory
+    poses = {name: body.pose.copy() for name, body in plan.scene.bodies.items()}
+    poses.update({name: rows[k].copy() for name, rows in trajectory.objects.items()})
+    return SceneState(
+        {name: q[k].copy() for name, q in trajectory.joints.items()},
+        {name: float(opening[k]) for name, opening in trajectory.gripper.items()},
+        poses,
+    )
+
+
+def back_to(plan: Plan, robot: str, sample: int, q: np.ndarray, at: float) -> JointTrajectory | None:
+    """The way of a robot from its posture q (n,) at the planned time ``at`` back to a sample, as it came.
+
+    What it holds comes along, so it moves as slowly as with an object. None where it is there already.
+    """
+    rows = plan.trajectory.joints[robot][sample : index_at(plan.trajectory.time, at) + 1][::-1]
+    if np.abs(rows[-1] - q).max() < THERE:
+        return None
+    moved = np.cumsum(np.abs(np.diff(rows, axis=0)).max(axis=1, initial=0.0), axis=0)
+    corners = np.flatnonzero(np.diff(np.floor(moved / CORNER)) > 0.0) + 1
+    path = np.concatenate([q[None], rows[corners], rows[-1:]])
+    return _timed(plan.scene, robot, path, HOLD_SPEED, HOLD_ACCELERATION)
+
+
+def release(scene: Scene, state: SceneState, plan: Plan, contact: KeptSegment) -> tuple[float, JointTrajectory]:
+    """How a hand lets go of what it holds, where it is: the opening (m), then the way straight back.
+
+    Args:
+        scene: with every body that is known now.
+        state: where everything stands.
+        plan: that the contact is of.
+
+    Raises:
+        MotionError: NO_MOTION; the hand cannot draw back without touching something.
+    """
+    robot, name = contact.segment.robot, contact.segment.object
+    point = contact_of(plan, contact)
+    manipulation = Manipulation(scene, state, robot, name)
+    T_obj = held_pose(scene, state, contact)
+    collisions = manipulation.collisions(point, T_obj, T_obj)
+    problem = ik_problem(manipulation, collisions, Phase.RETREAT)
+    path = draw_back(manipulation, problem, point, T_obj, state.q[robot])
+    if not len(path):
+        raise MotionError(f"robot '{robot}' cannot let go of '{name}' here: the way straight back is blocked")
+    path = np.concatenate([state.q[robot][None], path])
+    return free_opening(scene.robots[robot], point), _timed(scene, robot, path, FREE_SPEED, FREE_ACCELERATION)
+
+
+def held_pose(scene: Scene, state: SceneState, contact: KeptSegment) -> np.ndarray:
+    """T_world_obj (7,) of an object that is where the hand of the contact has it."""
+    robot = scene.robots[contact.segment.robot]
+    T_world_ee = transforms.multiply(robot.base_pose, load_arm(robot.model).end_effector(state.q[robot.name]))
+    return transforms.multiply(T_world_ee, transforms.inverse(contact.segment.contact_pose))
+
+
+def _timed(scene: Scene, robot: str, path: np.ndarray, speed: float, acceleration: float) -> JointTrajectory:
+    model = scene.robots[robot].model
+    timed = time_parameterise(
+        path, speed * model.velocity_limits, acceleration * model.acceleration_limits, SAMPLE_PERIOD
+    )
+    return JointTrajectory(model.joint_names, timed.time, timed.q, timed.qd)

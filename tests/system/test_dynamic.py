@@ -1,0 +1,143 @@
+"""The world changes while a plan is executed: cameras see it, everything stops, a new plan solves the task."""
+
+import threading
+
+import numpy as np
+import pytest
+from conftest import wait_until_up
+
+from hmap.conversions import plan_from_message
+from hmap.launcher.processes import Graph
+from hmap.launcher.session import Session
+from hmap.node import LATCHED
+from hmap_core import transforms
+from hmap_core.exceptions import Code
+from hmap_core.execution.stretches import index_at
+from hmap_core.kinematics.arm import load_arm
+from hmap_core.planner.conflicts import first_conflict
+from hmap_core.planner.interruption import contacts
+from hmap_core.scenes import load_scene
+from hmap_core.simulation.dynamic import sphere
+from hmap_msgs.action import Manipulate
+from hmap_msgs.msg import BodyArray, Plan
+from hmap_msgs.srv import AddBody, RemoveBody, Reset
+from hmap_msgs_py.bodies import body_from_message, body_to_message
+
+TASK = """
+schema: 1
+description: Carry a brick along a table.
+mode: physical
+fixed:
+  table: {shape: box, size: [2.4, 2.4, 0.1], pose: {xyz: [0, 0, -0.05]}}
+movable:
+  brick: {shape: box, size: [0.05, 0.05, 0.08], pose: {xyz: [0.5, -0.2, 0.04]}, mass: 0.3, friction: 0.6}
+robots:
+  arm: {model: panda, base: {xyz: [0, 0, 0], rpy_deg: [0, 0, 0]}}
+cameras:
+  overhead: {position: [1.1, 0.0, 1.4], look_at: [0.5, 0, 0]}
+goal: {object: brick, pose: {xyz: [0.5, 0.2, 0.04]}}
+"""
+NODES = ("world", "komo_optimiser", "supervisor", "contact_proposer", "waypoint_planner", "perception")
+TIME_LIMIT = 240.0  # s for planning on a busy machine
+ANSWER_LIMIT = 60.0  # s for a service
+RADIUS = 0.03  # m
+AHEAD = 1.2  # s of the plan
+SPEED = 0.5  # simulated s per s, so that a busy machine sees the obstacle in time
+SEEN = 0.005  # m that an estimate may be off
+
+
+class Case:
+    """A graph with the task loaded, and what is heard of it."""
+
+    def __init__(self, graph, session, task: str):
+        self.graph, self.session, self.task = graph, session, task
+        self.plan, self.seen = None, {}
+        node = session.node
+        node.create_subscription(Plan, "plan", self._take_plan, LATCHED)
+        node.create_subscription(BodyArray, "new_object", self._take_new, LATCHED)
+
+    def _take_plan(self, message) -> None:
+        self.plan = plan_from_message(message)
+
+    def _take_new(self, message) -> None:
+        self.seen |= {entry.name: body_from_message(entry) for entry in message.bodies}
+
+    def call(self, kind, name, request) -> None:
+        client = self.session.node.create_client(kind, name)
+        assert client.wait_for_service(ANSWER_LIMIT)
+        done = threading.Event()
+        future = client.call_async(request)
+        future.add_done_callback(lambda _: done.set())
+        assert done.wait(ANSWER_LIMIT)
+        assert Code(future.result().error.code) is Code.SUCCESS, future.result().error
+
+    def manipulate(self, on_status):
+        goal = Manipulate.Goal(task=self.task, time_limit=TIME_LIMIT)
+        return self.session.manipulate(goal, on_status, self.graph.check)
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("dynamic")
+    file = folder / "carry.yaml"
+    file.write_text(TASK)
+    with Graph(folder / "logs") as graph, Session() as session:
+        for name in NODES:
+            world = {"task": str(file), "seed": 0, "real_time_factor": SPEED, "announce_added": False}
+            graph.start(name, world if name == "world" else {})
+        wait_until_up(graph, session)
+        yield Case(graph, session, load_scene(str(file), 0).task)
+
+
+def run_with(case, when: str, place):
+    """Execute the task, and add an obstacle when a stretch begins whose text holds ``when``; phases and the result."""
+    case.call(Reset, "reset", Reset.Request())
+    phases, placed = [], []
+
+    def on_status(status) -> None:
+        phases.append(status.phase)
+        if status.phase == "execution" and when in status.text and not placed:
+            placed.append(place(case.plan, float(status.text.split()[0])))
+            request = AddBody.Request(body=body_to_message(placed[0]))
+            threading.Thread(target=case.call, args=(AddBody, "add_body", request)).start()
+
+    result = case.manipulate(on_status)
+    (body,) = placed
+    case.call(RemoveBody, "remove_body", RemoveBody.Request(name=body.name))
+    assert result.success, result.error
+    return phases, result, body
+
+
+def in_the_way_of_the_hand(plan, now: float):
+    """A sphere where the hand soon comes by, on its way to the object."""
+    robot = plan.scene.robots["arm"]
+    time = plan.trajectory.time
+    made = contacts(plan)[0]
+    k = index_at(time, max(now + AHEAD, 0.6 * time[made.begin]))
+    tip = load_arm(robot.model).end_effector(plan.trajectory.joints["arm"][k])
+    body = sphere("ball_1", RADIUS, transforms.multiply(robot.base_pose, tip)[:3])
+    assert first_conflict(plan, {"ball_1": body}, now) is not None
+    return body
+
+
+def in_the_way_of_the_object(plan, now: float):
+    """A sphere on the path of the object, which is being carried."""
+    poses = plan.trajectory.objects["brick"]
+    k = int(np.abs(poses[:, 1]).argmin())
+    body = sphere("ball_2", RADIUS, np.array([*poses[k, :2], RADIUS + 0.005]))
+    assert first_conflict(plan, {"ball_2": body}, now) is not None
+    return body
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("when", "place"), [("transit", in_the_way_of_the_hand), ("grasp", in_the_way_of_the_object)])
+def test_an_obstacle_that_appears_on_the_way_is_seen_and_gone_round(case, when, place):
+    phases, result, body = run_with(case, when, place)
+    assert phases.count("stopping") == 1 and "replanning" in phases
+    assert phases.index("stopping") < phases.index("replanning") < phases[::-1].index("execution") + len(phases)
+    assert {entry.key: entry.value for entry in result.statistics}["blocked"] == "1"
+    seen = case.seen[body.name]["shapes"][0], case.seen[body.name]["pose"]
+    assert seen[0]["kind"] == "sphere" and seen[0]["size"][0] == pytest.approx(RADIUS, abs=SEEN)
+    assert np.linalg.norm(seen[1][:3] - body.pose[:3]) < SEEN
+    scene = load_scene("tunnel", 0)
+    assert result.position_error < scene.execution_tolerance[0]
