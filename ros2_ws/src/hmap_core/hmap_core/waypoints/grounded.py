@@ -14,13 +14,17 @@ from hmap_core.waypoints.problem import ObjectPathProblem
 from hmap_core.waypoints.resample import resample
 
 LEAST_SLIDE = 0.02  # m that have to be gained
+LEAST_RISE = 1e-3  # m of height that a path through the air takes
 
 
 def slid_first(problem: ObjectPathProblem, poses: np.ndarray) -> np.ndarray | None:
     """Poses (K, 7) that slide below the free path ``poses`` (M, 7) as far as they can and rise to it from there.
 
-    None where the body does not stand at the start, cannot slide for LEAST_SLIDE, or cannot rise.
+    None where the path does not rise, or the body does not stand at the start, cannot slide for LEAST_SLIDE, or cannot
+    rise from there.
     """
+    if np.ptp(poses[:, 2]) < LEAST_RISE:
+        return None
     sliding = replace(problem, goal=problem.start, motion="planar", removable=frozenset())
     geometry = Geometry(sliding)
     ground = ObjectChecker(sliding, geometry, True, problem.margin)
