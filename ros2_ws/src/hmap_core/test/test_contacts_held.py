@@ -65,8 +65,8 @@ def test_a_facet_is_laid_on_points_whatever_the_roll():
     up = rotation_matrix(HELD.T_ee_body) @ HELD.up
     cloud = cloud_of(BRICK, 20)
     for facet in held_facets(HELD):
-        R, origin, rolls, index = placed(facet, up, cloud.points, cloud.normals, FORWARD_UP, np.random.default_rng(0))
-        assert len(R) == len(origin) == len(rolls) == len(index) == 80
+        R, origin, upright, index = placed(facet, up, cloud.points, cloud.normals, FORWARD_UP, np.random.default_rng(0))
+        assert len(R) == len(origin) == len(upright) == len(index) == 80
         for r, p, k in zip(R, origin, index, strict=True):
             assert np.linalg.det(r) == pytest.approx(1.0)
             np.testing.assert_allclose(r @ facet.normal, -cloud.normals[k], atol=1e-9)

@@ -84,7 +84,7 @@ def placed(
         rng: draws the points, and which place of the facet lies on them, where it is not the middle.
 
     Returns:
-        R (M, 3, 3), origin (M, 3), rolls (M,) in rad, and the number (M,) of the point.
+        R (M, 3, 3), origin (M, 3), upright (M,): cosine between both ups, and the number (M,) of the point.
     """
     K = len(ROLLS)
     chosen = rng.permutation(len(points))[:PER_FACET]
@@ -100,4 +100,4 @@ def placed(
     weights[rng.random(len(points)) < MIDDLE] = 1.0 / len(facet.vertices)
     anchor = np.repeat(weights @ facet.vertices, K, axis=0)
     origin = np.repeat(points + CONTACT_GAP * normals, K, axis=0) - np.einsum("nij,nj->ni", R, anchor)
-    return R, origin, rolls, np.repeat(chosen, K)
+    return R, origin, toward @ R @ up, np.repeat(chosen, K)

@@ -32,8 +32,9 @@ MIN_HEIGHT = 0.01
 # a motion that rises or tilts by more than this is not a slide
 MAX_RISE = 1e-3  # m
 MAX_TILT = float(np.deg2rad(1.0))
-# ways to come to the face: how far down for each metre ahead, and what that costs in score
-APPROACHES = ((0.0, 0.0), (1.0, 0.05))
+# ways to come to the face: how far down and to the side for each metre ahead, and what that costs in score
+FINGER_WAYS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.05))
+HELD_WAYS = (*FINGER_WAYS, (0.0, 1.0, 0.05), (0.0, -1.0, 0.05))
 # steps by which a contact line is shortened to end on the face
 SHRINKING = np.linspace(1.0, 0.0, 11)
 # vertices this near to the pushed plane touch it, m
@@ -171,8 +172,9 @@ def pushes(
             + scoring.W_SEEN * cloud.seen[index]
             + scoring.W_UPRIGHT * upright
         )
-        for down, price in APPROACHES:
-            way = -normals - down * slide.up
+        sideways = np.cross(normals, slide.up)
+        for down, aside, price in HELD_WAYS if hand.held else FINGER_WAYS:
+            way = -normals - down * slide.up + aside * sideways
             approach = np.einsum("nij,ni->nj", R, way / np.linalg.norm(way, axis=1)[:, None])
             arrays = (R, origin, points, normals, np.zeros(len(points)), approach, score - price)
             found.append([a[keep] for a in arrays])
@@ -197,9 +199,9 @@ def _held_poses(cloud: Cloud, up: np.ndarray, hand: Hand, rng: np.random.Generat
     """For each facet of what is held, the poses in which it lies against the points."""
     own_up = rotation_matrix(hand.held.T_ee_body) @ hand.held.up
     for facet in held_facets(hand.held):
-        R, origin, rolls, index = placed(facet, own_up, cloud.points, cloud.normals, up, rng)
+        R, origin, upright, index = placed(facet, own_up, cloud.points, cloud.normals, up, rng)
         feature = np.ones((len(R), len(facet.vertices)), bool)
-        yield R, origin, feature, facet.vertices, np.cos(rolls), index
+        yield R, origin, feature, facet.vertices, upright, index
 
 
 def push_reach(body: Body, hand: Hand, contacts: Sequence[ContactPoint], poses: np.ndarray) -> np.ndarray:

@@ -55,8 +55,8 @@ def _held_poses(cloud: Cloud, up: np.ndarray, hand: Hand, rng: np.random.Generat
     own_up = rotation_matrix(hand.held.T_ee_body) @ hand.held.up
     found = []
     for facet in held_facets(hand.held):
-        R, origin, rolls, index = placed(facet, own_up, cloud.points, cloud.normals, up, rng)
-        found.append((R, origin, index, scoring.W_UPRIGHT * np.cos(rolls)))
+        R, origin, upright, index = placed(facet, own_up, cloud.points, cloud.normals, up, rng)
+        found.append((R, origin, index, scoring.W_UPRIGHT * upright))
     return (np.concatenate(a) for a in zip(*found, strict=True))
 
 

@@ -32,6 +32,7 @@ WAYPOINT_TIME = 10.0  # s for one of them
 PLACE_TIME = 2.0  # s for the path of an obstacle to one of several places
 REACH_TRIES = 2  # samplings of contacts without success, after which the goal counts as out of reach
 TOOLS_TRIED = 6  # holds on tools that are tried at one waypoint
+TRIES_WITH_TOOL = 4  # contacts tried with one hold on a tool before another hold is
 GOAL_SHARE = 0.5  # of the goal's tolerance that a plan may use so that the object need not be turned
 LEVEL = 1e-3  # rad of tilt that does not count
 GOAL_POSES = 4  # last poses of the object's path at which the goal has to be within reach
@@ -212,7 +213,7 @@ class Planner:
         while at < len(poses) - 1:
             ahead = np.concatenate([course.state.poses[object][None], poses[at + 1 :]])
             backend = self._backend_for(errand)
-            backend = backend if known is None else Reminded(backend, known.contact, ahead)
+            backend = backend if known is None else Reminded(backend, known, ahead)
             step = self._step_of(self.scene, backend, object, course, ahead, (at, len(poses) - 1))
             known = None
             if step is None:
@@ -252,7 +253,7 @@ class Planner:
                 return step, None
             ways = [object_sweep(self.scene, object, ahead)]
             ways += [way for motion in motions for way in motion_sweeps(self.scene, state, motion, CONTACT_ROOM)]
-            return None, Unhindered(backend.solved, hit, tuple(ways))
+            return None, Unhindered(backend.solved, None if backend.solved else backend.grip, hit, tuple(ways))
         return None, None
 
     def _backend_for(self, errand: Errand) -> Backend:
@@ -281,9 +282,10 @@ class Planner:
     def _by_contacts(self, object: str, course, scene: Scene, state: SceneState, robots, ahead, at, total, contacts=()):
         """Contacts in a scene, in which a robot may hold a tool, until one gives a motion; those given come first."""
         tries, ready = 0, None
-        while tries < J_MAX:
+        most = J_MAX if scene is self.scene else TRIES_WITH_TOOL
+        while tries < most:
             try:
-                contacts = contacts or self._contacts(scene, state, object, ahead, robots, J_MAX - tries, at, total)
+                contacts = contacts or self._contacts(scene, state, object, ahead, robots, most - tries, at, total)
             except ContactError as error:
                 self._failed(error)
                 return None
@@ -305,7 +307,7 @@ class Planner:
     def _contacts(self, scene: Scene, state: SceneState, object: str, ahead, robots, count: int, at: int, total: int):
         """Contacts on an object. Raises ContactError."""
         who = f"'{object}'" if scene is self.scene else f"'{object}' with what {robots[0]} holds"
-        self._report("contacts", at, total, J_MAX - count + 1, f"contacts on {who}")
+        self._report("contacts", at, total, text=f"contacts on {who}")
         cloud = self.clouds.get(object)
         contacts = self.backend.propose_contacts(
             scene, state, object, ahead, robots, cloud, count, self._seed(), self._time_left()
@@ -325,7 +327,7 @@ class Planner:
         for grip, _ in grips[:TOOLS_TRIED]:
             scene, robots = holding(self.scene, grip), (grip.robot,)
             try:
-                contacts = self._contacts(scene, course.state, object, ahead, robots, J_MAX, at, total)
+                contacts = self._contacts(scene, course.state, object, ahead, robots, TRIES_WITH_TOOL, at, total)
                 self._report("motion", at, total, text=f"{grip.robot} takes '{grip.tool}'")
                 taken = self.backend.take(self.scene, course.state, grip, self._seed(), self._time_left())
             except (ContactError, MotionError) as error:
@@ -435,6 +437,8 @@ class Planner:
 
     def _tool_reaches(self, scene: Scene, state: SceneState, object: str, poses: np.ndarray) -> bool:
         """Whether some tool in some hand could bring an object along poses (M, 7)."""
+        if not tools_of(scene, object):
+            return False
         grips = self.backend.grips(scene, state, object, poses, self._seed(), self._time_left())
         for grip, _ in grips[:TOOLS_TRIED]:
             try:

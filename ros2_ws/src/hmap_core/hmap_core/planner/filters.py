@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from hmap_core.exceptions import Code, ContactError
-from hmap_core.planner.interfaces import Backend, RobotContact
-from hmap_core.planner.obstruction import HAND_MARGIN
+from hmap_core.planner.interfaces import Backend, Grip, RobotContact
+from hmap_core.planner.obstruction import HAND_MARGIN, Unhindered
 from hmap_core.planner.sweep import nearest, placed, robot_sweeps
 from hmap_core.types import Scene, SceneState
 
@@ -38,13 +38,15 @@ class Considerate(Filter):
 
     Attributes:
         solved: the contact of the last motion that was found; None where it was made with a tool.
+        grip: on that tool.
     """
 
     def __init__(self, backend: Backend, scene: Scene, names: Sequence[str]):
         super().__init__(backend)
-        self.solve_segment = self._solve_segment
+        self.solve_segment, self.take = self._solve_segment, self._take
         self._scene, self._names = scene, tuple(names)
         self.solved: RobotContact | None = None
+        self.grip: Grip | None = None
 
     def propose_contacts(self, scene: Scene, state: SceneState, *request) -> list[RobotContact]:
         """As :meth:`hmap_core.planner.interfaces.Backend.propose_contacts`."""
@@ -57,6 +59,11 @@ class Considerate(Filter):
         self.solved = contact if scene.robots[contact.robot].model.held is None else None
         return motion
 
+    def _take(self, scene: Scene, state: SceneState, grip: Grip, *request):
+        motion = self._backend.take(scene, state, grip, *request)
+        self.grip = grip
+        return motion
+
     def _hit(self, scene: Scene, contact: RobotContact, bodies) -> dict[str, float]:
         openings = np.full(len(contact.keyframes), contact.contact.opening)
         sweeps = robot_sweeps(scene.robots[contact.robot], contact.keyframes, openings)
@@ -64,11 +71,16 @@ class Considerate(Filter):
 
 
 class Reminded(Filter):
-    """A backend that hands out a contact known for some poses (M, 7) of the object before it looks for others."""
+    """A backend that hands out what is known to work before it looks for others.
 
-    def __init__(self, backend: Backend, contact: RobotContact | None, poses: np.ndarray):
+    Args:
+        known: a contact for the poses (M, 7) of the object, or a grip on a tool.
+    """
+
+    def __init__(self, backend: Backend, known: Unhindered, poses: np.ndarray):
         super().__init__(backend)
-        self._contact, self._poses = contact, poses
+        self.grips = self._grips
+        self._contact, self._grip, self._poses = known.contact, known.grip, poses
 
     def propose_contacts(self, scene: Scene, state: SceneState, object: str, poses: np.ndarray, *request):
         """As :meth:`hmap_core.planner.interfaces.Backend.propose_contacts`."""
@@ -78,3 +90,9 @@ class Reminded(Filter):
         others = {name: robot.model.home for name, robot in scene.robots.items() if name != known.robot}
         clear = tuple(name for name, home in others.items() if not np.allclose(state.q[name], home))
         return [replace(known, clear=clear)]
+
+    def _grips(self, scene: Scene, state: SceneState, object: str, poses: np.ndarray, *request):
+        known, self._grip = self._grip, None
+        if known is None or not np.array_equal(state.poses[known.tool], known.T_place):
+            return self._backend.grips(scene, state, object, poses, *request)
+        return [(known, len(poses) - 1)]

@@ -7,7 +7,7 @@ import numpy as np
 
 from hmap_core.collision.convex import set_distance
 from hmap_core.komo.shapes import body_set
-from hmap_core.planner.interfaces import RobotContact, SegmentMotion
+from hmap_core.planner.interfaces import Grip, RobotContact, SegmentMotion
 from hmap_core.planner.local import placed_bodies
 from hmap_core.planner.sweep import Sweep, motion_sweeps, nearest, placed
 from hmap_core.types import BodyKind, Scene, SceneState
@@ -75,11 +75,13 @@ class Unhindered:
 
     Attributes:
         contact: with which; None where it takes a tool.
+        grip: on the tool.
         in_the_way: bodies that the motion hits.
         ways: where the object and the robot pass.
     """
 
     contact: RobotContact | None
+    grip: Grip | None
     in_the_way: tuple[str, ...]
     ways: tuple[Sweep, ...]
 
