@@ -12,7 +12,7 @@ convergence asks the worst component, in metres and radians, never a sum.
 import numba as nb
 import numpy as np
 
-from hmap_core.collision.gjk import INLINE, OPTIONS, WORK
+from hmap_core.collision.gjk import INLINE, OPTIONS, PLAIN, WORK
 from hmap_core.collision.pairs import BEYOND, move_on, pair_distance, place_centers
 from hmap_core.kinematics.tree import forward, point_jacobian
 from hmap_core.komo.arrays import Model, Multipliers, Scratch, Terms
@@ -30,9 +30,7 @@ LEAST_GAIN, POOR_GAIN, GOOD_GAIN = 0.01, 0.15, 0.35
 TRIES = 10  # steps tried from one path, with more and more damping
 NO_NUMBER = 1e300  # a merit that is not below this is no number: some target or parameter is none
 ENOUGH = 0.25  # share of the last round's violation from which the penalty is left as it is
-LOOK_AHEAD = (
-    0.01  # m beyond where it matters to which a distance is found, so that a pair can be left alone for a while
-)
+LOOK_AHEAD = 0.01  # m beyond what matters to which a distance is found, so that a pair can be left alone for a while
 LEAST_MOTION = 1e-12  # m per interval
 NEVER = BEYOND * BEYOND  # slack (m) of pairs that a phase does not ask for
 
@@ -80,7 +78,7 @@ def new_model(T, n, terms, cols, samples):
     )  # fmt: skip
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**PLAIN)
 def _smoothness(X, prefix, w_acc, w_vel, H, G):
     """Adds squared accelerations and velocities of the path after ``prefix`` (2, n), the two configurations before."""
     T, n = X.shape
@@ -121,7 +119,7 @@ def _visit(X, prefix, t, alpha, reach, sample, qs, seen, travel):
     return travel[sample]
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**PLAIN)
 def _begin(cols, s, sample, mask, R, p):
     """What is known of a sample at first: what is known of the one before it, from which it is a small motion away."""
     slack, phases = s.slack[sample], cols.phases
@@ -129,21 +127,30 @@ def _begin(cols, s, sample, mask, R, p):
     before = sample - 1
     if before < 0 or not s.known[before]:
         place_centers(cols, R, p, s.centers[sample])
-        s.turned[sample] = R
+        for f in range(R.shape[0]):
+            for x in range(3):
+                for y in range(3):
+                    s.turned[sample, f, x, y] = R[f, x, y]
         for k in range(P):
             slack[k] = 0.0 if phases[k] & mask else NEVER
             s.hints[sample, k, 0] = 0
     else:
-        s.centers[sample] = s.centers[before]
-        s.turned[sample] = s.turned[before]
-        s.hints[sample] = s.hints[before]
+        for i in range(s.centers.shape[1]):
+            for x in range(3):
+                s.centers[sample, i, x] = s.centers[before, i, x]
+        for f in range(R.shape[0]):
+            for x in range(3):
+                for y in range(3):
+                    s.turned[sample, f, x, y] = s.turned[before, f, x, y]
         for k in range(P):
             known = s.slack[before, k]
             slack[k] = NEVER if phases[k] & mask == 0 else (known if known < 0.5 * NEVER else 0.0)
+            for h in range(s.hints.shape[2]):
+                s.hints[sample, k, h] = s.hints[before, k, h]
     s.known[sample] = True
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**PLAIN)
 def _collide(cols, chain, s, sample, mask, t, alpha, R, p, mu, lam, activity, model, old):
     """Looks at the pairs of one sample with the frames (R, p).
 
@@ -214,7 +221,7 @@ def _call(terms, m, n, chain, R, p, q, r, J):
     )  # fmt: skip
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**PLAIN)
 def _value(X, prefix, t, m, chain, terms, s):
     """Value of term m at step t, less its target, into s.r; its Jacobians by x_t, x_(t-1), x_(t-2) into s.Jk."""
     n = X.shape[1]
@@ -236,7 +243,7 @@ def _value(X, prefix, t, m, chain, terms, s):
         s.r[d] -= terms.target[m, d]
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**PLAIN)
 def _objectives(X, prefix, t, sample, alpha, R, p, chain, terms, mu, lam, s, model, old):
     """Adds the objectives of a sample: to s.Hs, s.gs, those that look at several steps and inequalities to the model.
 
@@ -314,7 +321,7 @@ def _objectives(X, prefix, t, sample, alpha, R, p, chain, terms, mu, lam, s, mod
     return merit, cost, worst_eq, worst_ineq, change
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**PLAIN)
 def _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s, old):
     """Augmented Lagrangian at X, and its model there.
 
@@ -398,7 +405,7 @@ def _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s, old):
     return merit, cost, worst_eq, worst_ineq, change
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**PLAIN)
 def _assemble(X, prefix, chain, mult, model, step, A, b):
     """The normal equations A, b of the model with the inequalities that are felt after a step (T n,).
 
@@ -406,9 +413,11 @@ def _assemble(X, prefix, chain, mult, model, step, A, b):
     """
     T, n = X.shape
     mu = mult.mu[0]
-    A[:] = model.H
+    H, G = model.H, model.G
     for k in range(T * n):
-        b[k] = -model.G[k]
+        for j in range(H.shape[1]):
+            A[k, j] = H[k, j]
+        b[k] = -G[k]
     felt = 0
     for m in range(model.count[0]):
         t, alpha, row, value, weight = model.step[m], model.alpha[m], model.row[m], model.value[m], model.weight[m]
@@ -450,7 +459,7 @@ def _assemble(X, prefix, chain, mult, model, step, A, b):
     return felt
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**PLAIN)
 def _model_step(X, prefix, chain, mult, model, damping, bandwidth, A, b, gradient, step):
     """The step (T n,) that minimises the model, and the gradient at X.
 
@@ -476,7 +485,8 @@ def _model_step(X, prefix, chain, mult, model, damping, bandwidth, A, b, gradien
             A[k, 0] += damping
         if not cholesky_solve(A, b, bandwidth):
             return False
-        step[:] = b
+        for k in range(N):
+            step[k] = b[k]
     return True
 
 
