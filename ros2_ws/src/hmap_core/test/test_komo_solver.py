@@ -143,7 +143,7 @@ class Lagrangian:
         path = np.ascontiguousarray(X.reshape(self.T, self.n))
         model = solver.new_model(self.T, self.n, self.terms, self.cols, self.samples)
         found = solver._evaluate(
-            path, self.prefix, self.problem.chain, self.terms, self.cols, self.samples, self.problem.options.pack(),
+            path, self.prefix, self.problem.chain, self.terms, self.cols, self.samples, self.problem.options.packed,
             self.multipliers, model, scratch or self.scratch(), 0.0,
         )  # fmt: skip
         H, b = np.zeros((X.size, 3 * self.n + PADDING)), np.zeros(X.size)
@@ -200,7 +200,7 @@ def test_collisions_between_the_steps_are_seen():
         X, prefix = np.array([q0, q1]), np.array([q0, q0])
         structure = world.chain, problem.terms(), problem.arrays(), problem.samples()
         found[substeps] = solver._evaluate(
-            X, prefix, *structure, problem.options.pack(), solver.new_multipliers(2, 7, *structure[1:], 10.0),
+            X, prefix, *structure, problem.options.packed, solver.new_multipliers(2, 7, *structure[1:], 10.0),
             solver.new_model(2, 7, *structure[1:]), solver.new_scratch(2, 7, *structure, prefix), 0.0,
         )[3]  # fmt: skip
     assert found[1] <= 0.0 < 0.02 < found[2]

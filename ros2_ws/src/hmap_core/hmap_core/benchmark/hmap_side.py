@@ -87,5 +87,5 @@ def _posture(instance: MotionInstance, problem: SkeletonProblem, rng: np.random.
     chain, start = problem.chain, instance.start
     params = np.concatenate([o.feature.params for o in problem.objectives])
     random = rng.uniform(chain.lower, chain.upper, (instance.restarts, len(start)))
-    q = solve_ik(problem, params, np.concatenate([start[None], random]), start)
+    q = solve_ik(problem, params, np.concatenate([start[None], random]))
     return Answer(q is not None, np.array([start, start if q is None else q]))

@@ -22,8 +22,9 @@ Options = namedtuple(
 Multipliers = namedtuple("Multipliers", "terms pairs limits mu")
 # Model of the augmented Lagrangian round a path: H (T n, 3 n + PADDING), G (T n,) of what is smooth, and inequalities
 # as rows: row (M, n) of the Jacobian by the configuration at alpha (M,) of the interval before step (M,), the value
-# (M,) shifted by the multiplier, and the weight (M,) of its half square where it is positive; count (1,) rows are used.
-Model = namedtuple("Model", "H G row step alpha value weight count")
+# (M,) shifted by the multiplier, and the weight (M,) of its half square where it is positive; sample and pair (M,) of a
+# row that is a pair's, -1 else; count (1,) rows are used.
+Model = namedtuple("Model", "H G row step alpha value weight sample pair count")
 # Scratch of one problem. Pairs that are far apart are left alone until something can have come near. Per sample:
 # seen (S, n) is the last configuration, travel (S,) bounds how far any point has moved until there, wake (S,) is the
 # travel at which the pairs have to be looked at. When they were last: centers (S, shapes, 3), turned (S, n+1, 3, 3) the

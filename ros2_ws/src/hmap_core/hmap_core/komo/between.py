@@ -6,10 +6,10 @@ import numpy as np
 
 from hmap_core.collision.scene_model import Collisions
 from hmap_core.komo.allowances import verification
-from hmap_core.komo.features.base import MAX_FRAMES
+from hmap_core.komo.features.base import MAX_DIM, MAX_FRAMES
 from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.problem import PathProblem
-from hmap_core.komo.solver import between_violations, feature_values
+from hmap_core.komo.sweep import Rows, between_violations, left_between
 from hmap_core.komo.violations import VERIFY_STEP, Violation, of_objective, of_pair
 
 SAMPLE_GAP = 0.02  # share of an interval within which two collision samples count as one
@@ -27,10 +27,7 @@ def by_unit(objective: Objective, values: tuple[float, float]) -> np.ndarray:
 
 def violated_between(problem: PathProblem, path: np.ndarray, cols: Collisions) -> list[Violation]:
     """What a path (T + 1, n), with its start, violates between its steps: the worst of each interval and constraint."""
-    found = _too_near(problem, path, cols)
-    for index, objective in enumerate(problem.objectives):
-        found += _left(problem, index, objective, path)
-    return found
+    return _too_near(problem, path, cols) + _left(problem, path)
 
 
 def new_place(substeps: int, known: Sequence[tuple[int, float]], step: int, alpha: float) -> tuple[int, float]:
@@ -58,34 +55,49 @@ def _too_near(problem: PathProblem, path: np.ndarray, cols: Collisions) -> list[
     ]
 
 
-def _left(problem: PathProblem, index: int, objective: Objective, path: np.ndarray) -> list[Violation]:
-    """Where a constraint that holds at both ends of an interval is left between them."""
-    constant = objective.params is None and objective.order == 0
-    if not constant or objective.type == ObjectiveType.SOS or len(objective.steps) < 2:
+def _left(problem: PathProblem, path: np.ndarray) -> list[Violation]:
+    """Where constraints that hold at both ends of an interval are left between them."""
+    chosen = [index for index, objective in enumerate(problem.objectives) if _holds_between(objective)]
+    if not chosen:
         return []
-    value = _values_between(problem, objective, path)
-    off = (np.abs(value) if objective.type == ObjectiveType.EQ else value) / by_unit(objective, BETWEEN_TOLERANCE)
+    index, rows = _rows([problem.objectives[k] for k in chosen])
+    place, component, amount = left_between(path, problem.chain, rows, BETWEEN)
     found = []
-    for k in np.flatnonzero((off[:, 0] <= 1.0).all(1) & (off > 1.0).any((1, 2))):
-        place, component = np.unravel_index(int(off[k].argmax()), off[k].shape)
-        step, alpha = int(objective.steps[k]), float(BETWEEN[place])
-        amount = abs(float(value[k, place, component]))
-        text = of_objective(problem, objective, int(component), amount, step + alpha)
-        found.append(Violation(step, alpha, amount, index, text))
+    for m in np.flatnonzero(place >= 0):
+        number = chosen[index[m]]
+        step, alpha = int(rows.step[m]), float(BETWEEN[place[m]])
+        off, objective = float(amount[m]), problem.objectives[number]
+        text = of_objective(problem, objective, int(component[m]), off, step + alpha)
+        found.append(Violation(step, alpha, off, number, text))
     return found
 
 
-def _values_between(problem: PathProblem, objective: Objective, path: np.ndarray) -> np.ndarray:
-    """Values (steps, len(BETWEEN), dim) of an objective in the intervals before its steps, less its target."""
-    feature = objective.feature
-    steps = np.asarray(objective.steps)
-    before = path[steps][:, None]
-    points = before + BETWEEN[:, None] * (path[steps + 1][:, None] - before)
-    frames = np.zeros(MAX_FRAMES, np.int64)
-    frames[: len(feature.frames)] = feature.frames
-    value = feature_values(
-        points.reshape(-1, path.shape[1]), problem.chain, feature.kernel, feature.dim, frames, feature.params
-    )
-    if objective.target is not None:
-        value -= objective.target
-    return value.reshape(len(steps), len(BETWEEN), -1)
+def _holds_between(objective: Objective) -> bool:
+    """Whether an objective is a constraint that holds all along some intervals."""
+    constant = objective.params is None and objective.order == 0
+    return constant and objective.type != ObjectiveType.SOS and len(objective.steps) > 1
+
+
+def _rows(objectives: Sequence[Objective]) -> tuple[np.ndarray, Rows]:
+    """The objectives at each of their steps, by ascending step; and which one each row is of."""
+    count = len(objectives)
+    features = [o.feature for o in objectives]
+    table = np.zeros((count, 4 + MAX_FRAMES), np.int64)
+    target, tolerance = np.zeros((count, MAX_DIM)), np.ones((count, MAX_DIM))
+    offset = 0
+    for k, (o, f) in enumerate(zip(objectives, features, strict=True)):
+        table[k, : 4 + len(f.frames)] = f.kernel, f.dim, offset, o.type == ObjectiveType.EQ, *f.frames
+        offset += len(f.params)
+        tolerance[k, : f.lengths], tolerance[k, f.lengths :] = BETWEEN_TOLERANCE
+        if o.target is not None:
+            target[k, : f.dim] = o.target
+    index = np.repeat(np.arange(count), [len(o.steps) for o in objectives])
+    step = np.array([t for o in objectives for t in o.steps], np.int64)
+    order = step.argsort(kind="stable")
+    index = index[order]
+    kernel, dim, begin, equality = table[:, :4].T.take(index, axis=1)
+    params = np.concatenate([*(f.params for f in features), np.zeros(1)])
+    return index, Rows(
+        step[order], kernel, dim, table[:, 4:].take(index, axis=0), begin, params, target.take(index, axis=0),
+        tolerance.take(index, axis=0), equality,
+    )  # fmt: skip

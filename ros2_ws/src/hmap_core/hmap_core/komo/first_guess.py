@@ -73,8 +73,9 @@ def _phase_end(
     elsewhere = attempt > 0 and phase == 0
     starts = random if elsewhere else np.concatenate([near[None], random])
     return solve_until(
-        starts, near, problem.chain, own, terms.params, cols, without_pairs(cols), samples, IK_OPTIONS.pack()
-    )[0]
+        starts, starts if elsewhere else np.repeat(near[None], len(starts), axis=0), problem.chain, own, terms.params,
+        cols, without_pairs(cols), samples, IK_OPTIONS.packed,
+    )[0]  # fmt: skip
 
 
 def _one_step(terms: Terms, chosen: np.ndarray) -> Terms:

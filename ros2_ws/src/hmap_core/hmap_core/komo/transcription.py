@@ -140,7 +140,7 @@ class KomoProblem(PathProblem):
         """One first guess, with more samples where the path fails between them."""
         X = np.ascontiguousarray(initial, float).copy()
         prefix = np.ascontiguousarray([start, start], float)
-        options = self.options.pack()
+        options = self.options.packed
         extra: list[tuple[int, float]] = []
         between: list[tuple[int, int, float]] = []
         iterations = self._solve_coarsely(X, prefix, cols, terms, samples)
@@ -175,7 +175,7 @@ class KomoProblem(PathProblem):
         if stride <= 1:
             return 0
         first = replace(options, activity=options.coarse_activity, tolerance=options.coarse_tolerance)
-        return solve(X, prefix, self.chain, terms, cols, self.coarse_samples(samples, stride), first.pack())[3]
+        return solve(X, prefix, self.chain, terms, cols, self.coarse_samples(samples, stride), first.packed)[3]
 
     def linearise(self, path: np.ndarray, start: np.ndarray) -> Linearisation:
         """Values and Jacobian of all objectives at a path (T, n), for tests and for other solvers."""
