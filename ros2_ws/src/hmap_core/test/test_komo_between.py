@@ -139,7 +139,7 @@ def test_a_constraint_that_is_left_between_the_steps_is_named():
     result = problem.solve(start)
     assert (result.feasible, result.status) == (False, Status.BETWEEN_STEPS)
     assert "relative_position" in result.worst and "frames 7" in result.worst
-    found = violated_between(problem, np.concatenate([start[None], result.path]), problem.arrays())
+    found = violated_between(problem, np.concatenate([start[None], result.path]), problem.arrays(), problem.terms())
     assert {violation.objective for violation in found} == {0}
     assert max(violation.amount for violation in found) == result.worst_inequality > BETWEEN_TOLERANCE[0]
 

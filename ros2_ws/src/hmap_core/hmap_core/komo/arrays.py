@@ -2,11 +2,13 @@
 
 from collections import namedtuple
 
+# Types of terms; a band is an equality that may be missed by a little, as between steps.
+SOS, EQ, INEQ, BAND = range(4)
 # Terms: objectives unrolled, one row per sample. kernel (M,), type (M,), step (M,), dim (M,), scale (M,), frames (M,4),
 # offset (M,) into params (N,); target (M, MAX_DIM); order (M,) of the difference over steps; band
 # (M, MAX_DIM): by how much a component of type BAND may miss its target;
-# by_sample (S+1,): rows of sample s are by_sample[s]:by_sample[s+1]; tau: seconds per step.
-Terms = namedtuple("Terms", "kernel type step dim scale frames offset params target order band by_sample tau")
+# by_sample (S+1,): rows of sample s are by_sample[s]:by_sample[s+1]; objective (M,): its number; tau: seconds per step.
+Terms = namedtuple("Terms", "kernel type step dim scale frames offset params target order band by_sample objective tau")
 # Samples: where constraints are looked at. first (T+1,): samples of the interval that ends at step t are
 # first[t]:first[t+1], the last of them the step itself; alpha (S,): where in the interval; mask (S,): bits of phases
 # whose pairs count.

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from hmap_core.komo.allowances import without_pairs
 from hmap_core.komo.solver import follow, solve_batch, solve_until
 from hmap_core.komo.transcription import KomoProblem
 
@@ -40,8 +39,7 @@ def solve_ik(
     terms, padded, cols, samples, options = _one_step(problem, params[None])
     starts = np.ascontiguousarray(starts, float)
     near = starts if near is None else np.ascontiguousarray(np.broadcast_to(near, starts.shape), float)
-    free = without_pairs(cols)
-    q, violation = solve_until(starts, near, problem.chain, terms, padded[0], cols, free, samples, options)
+    q, violation = solve_until(starts, near, problem.chain, terms, padded[0], cols, samples, options)
     return q if violation <= problem.options.tolerance and np.isfinite(q).all() else None
 
 
@@ -59,6 +57,6 @@ def solve_ik_batch(problem: KomoProblem, params: np.ndarray, initial: np.ndarray
     X = np.ascontiguousarray(initial, float)[:, None, :].copy()
     prefix = np.ascontiguousarray(np.repeat(np.asarray(near, float)[:, None, :], 2, axis=1))
     terms, padded, cols, samples, options = _one_step(problem, params)
-    violation = solve_batch(X, prefix, problem.chain, terms, padded, cols, without_pairs(cols), samples, options)
+    violation = solve_batch(X, prefix, problem.chain, terms, padded, cols, samples, options)
     feasible = (violation <= problem.options.tolerance) & np.isfinite(X).all((1, 2))
     return X[:, 0], feasible

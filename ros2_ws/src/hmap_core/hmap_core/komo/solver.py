@@ -15,11 +15,10 @@ import numpy as np
 from hmap_core.collision.gjk import INLINE, OPTIONS, PLAIN, WORK
 from hmap_core.collision.pairs import BEYOND, move_on, pair_distance, place_centers
 from hmap_core.kinematics.tree import forward, point_jacobian
-from hmap_core.komo.arrays import Model, Multipliers, Options, Scratch, Terms
+from hmap_core.komo.arrays import BAND, EQ, INEQ, SOS, Model, Multipliers, Options, Samples, Scratch, Terms
 from hmap_core.komo.banded import PADDING, cholesky_solve
 from hmap_core.komo.features.base import MAX_DIM, call_kernel
 
-SOS, EQ, INEQ, BAND = 0, 1, 2, 3  # a band is an equality that may be missed by a little, as between steps
 MAX_ORDER = 2
 # a round that leaves more than this share of the violation stalls; after so many in a row the solve ends
 STALL, STALLS = 0.8, 8
@@ -629,8 +628,8 @@ def solve(X, prefix, chain, terms, cols, samples, o):
 
 
 @nb.njit(**OPTIONS)
-def _solve_posture(X, prefix, chain, terms, cols, free, samples, o):
-    """Solves a one-step problem in place, X (1, n): roughly without collisions, and if that works, from there with them.
+def _solve_posture(X, prefix, chain, terms, cols, samples, o):
+    """Solves a one-step problem in place, X (1, n): roughly without collisions; if that works, from there with them.
 
     Returns the worst violation; BEYOND where not even the first works.
     """
@@ -639,20 +638,20 @@ def _solve_posture(X, prefix, chain, terms, cols, free, samples, o):
         o.mu, o.mu_growth, o.mu_max, max(ROUGH, o.tolerance), o.outer, o.inner, o.iterations, o.max_step, o.damping,
         o.step_tolerance, o.gain_tolerance, o.acceleration, o.velocity, o.activity, o.optimality,
     )  # fmt: skip
-    mult = new_multipliers(1, n, terms, free, samples, o.mu)
-    s = new_scratch(1, n, chain, terms, free, samples, prefix)
-    _, eq, ineq, _ = solve_from(X, prefix, chain, terms, free, samples, rough, mult, s)
+    free = Samples(samples.first, samples.alpha, np.zeros_like(samples.mask))
+    mult = new_multipliers(1, n, terms, cols, samples, o.mu)
+    s = new_scratch(1, n, chain, terms, cols, samples, prefix)
+    _, eq, ineq, _ = solve_from(X, prefix, chain, terms, cols, free, rough, mult, s)
     if not max(eq, ineq) < rough.tolerance:
         return BEYOND
-    pairs = np.zeros((samples.alpha.shape[0], cols.a.shape[0]))
-    mult = Multipliers(mult.terms, pairs, mult.limits, mult.mu)
-    s = new_scratch(1, n, chain, terms, cols, samples, prefix)
+    s.known[:] = False
+    s.wake[:] = 0.0
     _, eq, ineq, _ = solve_from(X, prefix, chain, terms, cols, samples, o, mult, s)
     return max(eq, ineq)
 
 
 @nb.njit(**OPTIONS)
-def solve_batch(X, prefix, chain, terms, params, cols, free, samples, o):
+def solve_batch(X, prefix, chain, terms, params, cols, samples, o):
     """Solves K problems of one structure and one step that differ in start and parameters, in place.
 
     Each is first solved roughly without collisions; only those that then come near their target are solved with them,
@@ -660,7 +659,6 @@ def solve_batch(X, prefix, chain, terms, params, cols, free, samples, o):
 
     Args:
         X: (K, 1, n); prefix: (K, 2, n); params: (K, N) replaces terms.params for each problem.
-        free: the collision model without its pairs.
 
     Returns:
         worst violation (K,).
@@ -668,16 +666,16 @@ def solve_batch(X, prefix, chain, terms, params, cols, free, samples, o):
     result = np.empty(X.shape[0])
     for k in range(X.shape[0]):
         own = _with_params(terms, params[k])
-        result[k] = _solve_posture(X[k], prefix[k], chain, own, cols, free, samples, o)
+        result[k] = _solve_posture(X[k], prefix[k], chain, own, cols, samples, o)
     return result
 
 
 @nb.njit(**OPTIONS)
-def solve_until(starts, near, chain, terms, params, cols, free, samples, o):
+def solve_until(starts, near, chain, terms, params, cols, samples, o):
     """Solves a one-step problem from one start (n,) after the other of ``starts`` (K, n), until one is feasible.
 
     Args:
-        near: (K, n) configurations to stay near; params, free: as for :func:`solve_batch`.
+        near: (K, n) configurations to stay near; params: as for :func:`solve_batch`.
 
     Returns:
         (q (n,), worst violation): those of the first that is feasible, else of the least violated.
@@ -690,7 +688,7 @@ def solve_until(starts, near, chain, terms, params, cols, free, samples, o):
         for i in range(n):
             X[0, i] = starts[k, i]
             prefix[0, i] = prefix[1, i] = near[k, i]
-        worst = _solve_posture(X, prefix, chain, own, cols, free, samples, o)
+        worst = _solve_posture(X, prefix, chain, own, cols, samples, o)
         if worst < least or k == 0:
             least = worst
             best[:] = X[0]
@@ -700,10 +698,66 @@ def solve_until(starts, near, chain, terms, params, cols, free, samples, o):
 
 
 @nb.njit(**OPTIONS)
+def solve_ends(start, last, random, elsewhere, chain, terms, cols, samples, o):
+    """Configurations for the last steps of the phases of a path, one after the other, each near the one before.
+
+    Args:
+        start: (n,) configuration before the path.
+        last: (K,) last step of each phase.
+        random: (K, R, n) configurations from which the end of a phase is sought too.
+        elsewhere: the first end that is asked for comes from the random ones alone, and stays near them.
+        terms, samples: of the path.
+
+    Returns:
+        (Q (K, n): the first that is feasible, else the least violated; asked (K,): whether an equality is asked).
+    """
+    K, R, n = random.shape
+    Q, asked = np.empty((K, n)), np.zeros(K, np.bool_)
+    before = start
+    for k in range(K):
+        sample = samples.first[last[k] + 1] - 1
+        own, asked[k] = _asked(terms, sample)
+        if not asked[k]:
+            continue
+        only = Samples(np.array([0, 1]), np.ones(1), samples.mask[sample : sample + 1])
+        starts, near = np.empty((R + 1, n)), np.empty((R + 1, n))
+        starts[0] = before
+        starts[1:] = random[k]
+        near[:] = before
+        if elsewhere and k == 0:
+            # what follows stays on its branch of the arm, or carrying could not connect the two
+            Q[k] = solve_until(random[k], random[k], chain, own, own.params, cols, only, o)[0]
+        else:
+            Q[k] = solve_until(starts, near, chain, own, own.params, cols, only, o)[0]
+        before = Q[k]
+    return Q, asked
+
+
+@nb.njit(**OPTIONS)
+def _asked(terms, sample):
+    """The constraints of order 0 of a sample as those of a problem of one step, and whether one is an equality."""
+    begin, end = terms.by_sample[sample], terms.by_sample[sample + 1]
+    chosen = np.empty(end - begin, np.int64)
+    count = 0
+    equality = False
+    for m in range(begin, end):
+        if terms.order[m] == 0 and terms.type[m] != SOS:
+            chosen[count] = m
+            count += 1
+            equality = equality or terms.type[m] == EQ
+    c = chosen[:count]
+    return Terms(
+        terms.kernel[c], terms.type[c], np.zeros(count, np.int64), terms.dim[c], terms.scale[c], terms.frames[c],
+        terms.offset[c], terms.params, terms.target[c], terms.order[c], terms.band[c], np.array([0, count]),
+        terms.objective[c], terms.tau,
+    ), equality  # fmt: skip
+
+
+@nb.njit(**OPTIONS)
 def _with_params(terms, params):
     return Terms(
         terms.kernel, terms.type, terms.step, terms.dim, terms.scale, terms.frames, terms.offset, params, terms.target,
-        terms.order, terms.band, terms.by_sample, terms.tau,
+        terms.order, terms.band, terms.by_sample, terms.objective, terms.tau,
     )  # fmt: skip
 
 

@@ -1,8 +1,8 @@
 """The straight way from one configuration to the next, compiled: how near pairs come, and what constraints are left.
 
-Around a configuration every point of a link moves as x(a) = x + a v + a^2/2 w + r(a), |r(a)| <= |a|^3/6 j. So two shapes
-that are d apart stay as far apart along their normal as d less what these terms can take off, in a whole piece of the
-way at once; a piece for which that is not enough is halved (conservative advancement [1], by halves).
+Around a configuration every point of a link moves as x(a) = x + a v + a^2/2 w + r(a), |r(a)| <= |a|^3/6 j. So two
+shapes that are d apart stay as far apart along their normal as d less what these terms can take off, in a whole piece
+of the way at once; a piece for which that is not enough is halved (conservative advancement [1], by halves).
 
 [1] Mirtich, Impulse-based dynamic simulation, 1996.
 """
@@ -15,15 +15,13 @@ import numpy as np
 from hmap_core.collision.gjk import INLINE, OPTIONS, PLAIN, WORK
 from hmap_core.collision.pairs import move_on, pair_distance, place_centers
 from hmap_core.kinematics.tree import forward
+from hmap_core.komo.arrays import EQ, INEQ
 from hmap_core.komo.features.base import MAX_DIM, call_kernel
 
 PIECES = 64  # of one interval that wait to be looked at: each halving adds one
 # Motion of the frames along the way, whose length is 1: angular velocity and its derivative, velocity and acceleration
 # of the origin (n + 1, 3), and bounds on the second and third derivative of any point of the frame's link (n + 1,).
 Motion = namedtuple("Motion", "spin spin_rate velocity acceleration second third")
-# Constraints, each in the interval before step (M,): kernel (M,), dim (M,), frames (M, 4), offset (M,) into params (N,),
-# target and tolerance (M, D), and whether it is an equality (M,).
-Rows = namedtuple("Rows", "step kernel dim frames offset params target tolerance equality")
 
 
 @nb.njit(**PLAIN)
@@ -225,12 +223,14 @@ def between_violations(path, masks, chain, cols, resolution):
 
 
 @nb.njit(**PLAIN)
-def _left(path, chain, rows, alphas, q, R, p, r, J, place, component, amount):
+def _left(path, chain, terms, tolerance, alphas, q, R, p, r, J, place, component, amount):
     """:func:`left_between` with room for everything."""
     n, places = q.shape[0], alphas.shape[0]
     last = -1
-    for m in range(rows.step.shape[0]):
-        t, dim = rows.step[m], rows.dim[m]
+    for m in range(terms.step.shape[0]):
+        t, dim, own = terms.step[m], terms.dim[m], terms.objective[m]
+        if tolerance[own, 0] <= 0.0 or terms.type[m] > INEQ:
+            continue
         if t != last:
             last = t
             for a in range(places):
@@ -245,15 +245,15 @@ def _left(path, chain, rows, alphas, q, R, p, r, J, place, component, amount):
                 for i in range(n):
                     J[d, i] = 0.0
             call_kernel(
-                rows.kernel[m], n, R[a].ctypes.data, p[a].ctypes.data, chain.first.ctypes.data,
-                chain.prismatic.ctypes.data, q.ctypes.data, rows.frames[m].ctypes.data,
-                rows.params[rows.offset[m] :].ctypes.data, r.ctypes.data, J.ctypes.data,
+                terms.kernel[m], n, R[a].ctypes.data, p[a].ctypes.data, chain.first.ctypes.data,
+                chain.prismatic.ctypes.data, q.ctypes.data, terms.frames[m].ctypes.data,
+                terms.params[terms.offset[m] :].ctypes.data, r.ctypes.data, J.ctypes.data,
             )  # fmt: skip
             for d in range(dim):
-                value = r[d] - rows.target[m, d]
-                if rows.equality[m]:
+                value = r[d] - terms.target[m, d]
+                if terms.type[m] == EQ:
                     value = abs(value)
-                off = value / rows.tolerance[m, d]
+                off = value / tolerance[own, d]
                 if off > worst:
                     worst = off
                     place[m], component[m], amount[m] = a, d, value
@@ -263,21 +263,21 @@ def _left(path, chain, rows, alphas, q, R, p, r, J, place, component, amount):
 
 
 @nb.njit(**OPTIONS)
-def left_between(path, chain, rows, alphas):
+def left_between(path, chain, terms, tolerance, alphas):
     """Where constraints that hold at the beginning of an interval are left within it.
 
     Args:
-        path: (T + 1, n); chain: see :mod:`hmap_core.kinematics.chain`.
-        rows: :class:`Rows`, by ascending step.
+        path: (T + 1, n); chain: see :mod:`hmap_core.kinematics.chain`; terms: see :mod:`hmap_core.komo.arrays`.
+        tolerance: (objectives, D) by which each component may be off; 0 for objectives that are left out.
         alphas: (A,) where in the intervals they are looked at, first 0.
 
     Returns:
         (place (M,) of the worst, an index into ``alphas``, -1 where it is kept; component (M,); amount (M,), m or rad).
     """
-    n, M, places = path.shape[1], rows.step.shape[0], alphas.shape[0]
+    n, M, places = path.shape[1], terms.step.shape[0], alphas.shape[0]
     place, component, amount = np.full(M, -1), np.zeros(M, np.int64), np.zeros(M)
     _left(
-        path, chain, rows, alphas, np.zeros(n), np.zeros((places, n + 1, 3, 3)), np.zeros((places, n + 1, 3)),
-        np.zeros(MAX_DIM), np.zeros((MAX_DIM, n)), place, component, amount,
+        path, chain, terms, tolerance, alphas, np.zeros(n), np.zeros((places, n + 1, 3, 3)),
+        np.zeros((places, n + 1, 3)), np.zeros(MAX_DIM), np.zeros((MAX_DIM, n)), place, component, amount,
     )  # fmt: skip
     return place, component, amount
