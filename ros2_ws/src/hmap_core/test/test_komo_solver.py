@@ -187,6 +187,35 @@ def test_what_is_left_alone_between_evaluations_changes_nothing():
         np.testing.assert_allclose(remembered[4], fresh[4], rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.parametrize("grown", [1.0, 3.0])
+def test_multipliers_updated_in_place_are_those_of_what_is_violated(grown):
+    """The model with new multipliers and penalty is the one that is made anew with them."""
+    lagrangian = Lagrangian(("panda",), 2)
+    mult, old = lagrangian.multipliers, 50.0
+    before = mult.pairs.copy()
+    structure = lagrangian.problem.chain, lagrangian.terms, lagrangian.cols, lagrangian.samples
+    options, scratch = lagrangian.problem.options.packed, lagrangian.scratch()
+    model = solver.new_model(lagrangian.T, lagrangian.n, *structure[1:])
+    arguments = lagrangian.X, lagrangian.prefix, *structure, options, mult, model, scratch
+    solver._evaluate(*arguments, 0.0)
+    mult.mu[0] = grown * old
+    merit, _, worst_eq, worst_ineq, change = solver._evaluate(*arguments, old)
+    fresh = lagrangian.evaluate(lagrangian.X)
+    assert merit == pytest.approx(fresh[0], rel=1e-9)
+    assert (worst_eq, worst_ineq) == pytest.approx((fresh[2], fresh[3]), rel=1e-9)
+    H, b = np.zeros((lagrangian.X.size, 3 * lagrangian.n + PADDING)), np.zeros(lagrangian.X.size)
+    solver._assemble(lagrangian.X, lagrangian.prefix, structure[0], mult, model, np.zeros(b.size), H, b)
+    np.testing.assert_allclose(-b, fresh[4], rtol=1e-9, atol=1e-7)
+    np.testing.assert_allclose(H, fresh[5], rtol=1e-9, atol=1e-7)
+    for t in range(lagrangian.T):
+        sample = structure[3].first[t + 1] - 1
+        violation = pair_violations(structure[0], structure[2], lagrangian.X[t], structure[3].mask[sample])
+        expected = np.maximum(0.0, before[sample] + old * violation)
+        asked = violation > -np.inf
+        np.testing.assert_allclose(mult.pairs[sample][asked], expected[asked], atol=1e-3)
+    assert (mult.pairs > before).any() and (mult.pairs < before).any() and change > 0.0
+
+
 def test_collisions_between_the_steps_are_seen():
     """A box that only the middle of an interval touches."""
     world = model("iiwa")
@@ -354,21 +383,21 @@ def test_a_target_that_is_no_number_is_infeasible():
 
 def brute_force(world, cols, path, masks):
     """Worst margin violation of each configuration, every pair asked exactly."""
-    worst, witness = [], np.zeros((3, 3))
-    for q, mask in zip(path, masks, strict=True):
-        R, p = frames(world.chain, q)
+    return np.array([pair_violations(world.chain, cols, q, mask).max() for q, mask in zip(path, masks, strict=True)])
 
-        def shape(s, R=R, p=p):
-            f = cols.frame[s]
-            return cols.vertices[cols.start[s] : cols.start[s + 1]], R[f], p[f], cols.radius[s]
 
-        found = [-np.inf]
-        for k in range(len(cols.a)):
-            if cols.phases[k] & mask:
-                a, b = (shape(s) for s in (cols.a[k], cols.b[k]))
-                found.append(cols.margin[k] - signed_distance(*a, *b, witness))
-        worst.append(max(found))
-    return np.array(worst)
+def pair_violations(chain, cols, q, mask):
+    """Violation (P,) of each pair's margin, -inf for those that the mask leaves out."""
+    R, p = frames(chain, q)
+    found, witness = np.full(len(cols.a), -np.inf), np.zeros((3, 3))
+
+    def shape(s):
+        f = cols.frame[s]
+        return cols.vertices[cols.start[s] : cols.start[s + 1]], R[f], p[f], cols.radius[s]
+
+    for k in np.flatnonzero(cols.phases & mask):
+        found[k] = cols.margin[k] - signed_distance(*shape(cols.a[k]), *shape(cols.b[k]), witness)
+    return found
 
 
 @pytest.mark.parametrize("floor", [0.0, -0.02])

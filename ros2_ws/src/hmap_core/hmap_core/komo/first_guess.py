@@ -10,7 +10,7 @@ from hmap_core.komo.solver import penetration, solve_ends
 
 BUMPS = np.array([0.2, 0.4, 0.8])  # rad: sizes of the random bumps on first guesses
 BRIDGES = 8  # of each size that are tried where the straight way is blocked
-IK_STARTS = 12  # random configurations from which the IK of a phase's end is tried at most
+IK_STARTS = 12  # random configurations from which the IK of a phase's end is tried at most; for two arms fourfold
 
 
 def first_guess(
@@ -28,7 +28,9 @@ def first_guess(
     """
     chain, phases = problem.chain, len(problem.steps_per_phase)
     last = np.array(problem.steps_per_phase, np.int64).cumsum() - 1
-    random = chain.lower + (chain.upper - chain.lower) * rng.random((phases, IK_STARTS, len(start)))
+    # a start has to be good for every arm at once
+    starts = IK_STARTS * np.count_nonzero(chain.parent == 0) ** 2
+    random = chain.lower + (chain.upper - chain.lower) * rng.random((phases, starts, len(start)))
     ends, asked = solve_ends(start, last, random, attempt > 0, chain, terms, cols, samples, IK_OPTIONS.packed)
     path = np.empty((problem.steps, len(start)))
     before, done = start, 0

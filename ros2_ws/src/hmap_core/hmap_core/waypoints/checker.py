@@ -109,6 +109,7 @@ class ObjectChecker:
         self._keep(margin)
 
     def _keep(self, margin: float) -> None:
+        self.margin = margin
         self.contact = self._ends < margin  # (SB,) touched, or nearly, at an end
         self.required = np.maximum(np.minimum(margin, self._ends - CONTACT_SLACK), -PENETRATION_ALLOWED)
         self.blocked = np.zeros(len(self._ends), np.int64)  # how often each shape stopped a motion

@@ -109,14 +109,18 @@ def _planar_possible(problem: ObjectPathProblem) -> bool:
 
 
 def search_bounds(problem: ObjectPathProblem, checker: ObjectChecker) -> np.ndarray:
-    """Lower and upper position (2, 3) that the search may use: round start, goal and what stands near them."""
+    """Lower and upper position (2, 3) that the search may use: round start, goal and what stands near them.
+
+    Wide enough to pass beyond the obstacles, with the margin that the checker asks for.
+    """
     if problem.bounds is not None:
         return np.asarray(problem.bounds, float)
     ends = np.array([problem.start[:3], problem.goal[:3]])
     near = np.array([ends.min(0) - SEARCH_REACH, ends.max(0) + SEARCH_REACH])
-    points = [ends.min(0) - checker.radius, ends.max(0) + checker.radius]
+    reach = checker.radius + checker.margin
+    points = [ends.min(0) - reach, ends.max(0) + reach]
     for lower, upper in zip(checker.obstacles.lower, checker.obstacles.upper, strict=True):
-        points += [lower - checker.radius, upper + checker.radius]
+        points += [lower - reach, upper + reach]
     wanted = np.array([np.min(points, axis=0), np.max(points, axis=0)])
     return np.array([np.maximum(wanted[0], near[0]), np.minimum(wanted[1], near[1])])
 
