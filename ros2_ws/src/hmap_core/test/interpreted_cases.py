@@ -26,7 +26,7 @@ from hmap_core.collision.convex import (  # noqa: E402
 )
 from hmap_core.collision.scene_model import CollisionModel  # noqa: E402
 from hmap_core.kinematics.simplify import simplify_hull  # noqa: E402
-from hmap_core.komo.allowances import clearance, relaxed  # noqa: E402
+from hmap_core.komo.allowances import relaxed  # noqa: E402
 from hmap_core.komo.features import (  # noqa: E402
     axis_alignment,
     joint_limits,
@@ -39,6 +39,7 @@ from hmap_core.komo.features import (  # noqa: E402
 from hmap_core.komo.ik import follow_ik, solve_ik_batch  # noqa: E402
 from hmap_core.komo.objective import Objective, ObjectiveType  # noqa: E402
 from hmap_core.komo.options import IK_OPTIONS, SolverOptions  # noqa: E402
+from hmap_core.komo.solver import path_violations  # noqa: E402
 from hmap_core.komo.transcription import KomoProblem  # noqa: E402
 from hmap_core.transforms import IDENTITY, multiply, pose, rotation_matrix  # noqa: E402
 from hmap_core.types import Shape, ShapeKind  # noqa: E402
@@ -198,7 +199,7 @@ def violations() -> list[float]:
     problem = KomoProblem(world.chain, (3,), _scene(world))
     rng = np.random.default_rng(7)
     path = HOME + np.cumsum(0.1 * rng.normal(size=(4, 7)), axis=0)
-    violation, pair = clearance(world.chain, problem.arrays(), path, np.zeros(4, int), -0.05)
+    violation, pair = path_violations(path, np.ones(4, np.int64), world.chain, problem.arrays(), -0.05)
     eased = relaxed(world.chain, problem.arrays(), path[2], 1)
     return [*violation, *pair, *eased.margin]
 

@@ -10,7 +10,7 @@ from geometry_fixtures import coal_distance, coal_hull
 from scipy.spatial import ConvexHull
 
 from hmap_core.collision.convex import set_distance
-from hmap_core.collision.gjk import FAR, distance_within, signed_distance
+from hmap_core.collision.gjk import FAR, WORK, distance_within, signed_distance
 from hmap_core.transforms import IDENTITY, apply, rotation_matrix
 
 PAIRS = list(combinations_with_replacement(KINDS, 2))
@@ -115,12 +115,12 @@ def test_distance_is_symmetric_and_follows_a_common_motion():
 def test_beyond_the_cutoff_only_a_bound_is_promised(cutoff):
     rng = np.random.default_rng(5)
     beyond = 0
-    work, witness = np.zeros((20, 3)), np.zeros((3, 3))
+    work, witness = np.zeros(WORK), np.zeros((3, 3))
     for k in range(CASES):
         A, B = (random_hull(rng, kind) for kind in rng.choice(KINDS, 2))
         T_a, T_b = random_pose(rng, 0.2), random_pose(rng, 0.2)
         exact = measure(A, T_a, B, T_b)[0]
-        work[0] = rng.normal(size=3) if k % 2 else T_a[:3] - T_b[:3]  # any direction may come from the last call
+        work[:3] = rng.normal(size=3) if k % 2 else T_a[:3] - T_b[:3]  # any direction may come from the last call
         d = distance_within(
             A[0], rotation_matrix(T_a), T_a[:3].copy(), A[1], B[0], rotation_matrix(T_b), T_b[:3].copy(), B[1],
             cutoff, witness, work,

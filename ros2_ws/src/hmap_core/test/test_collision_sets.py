@@ -7,6 +7,7 @@ from geometry_fixtures import coal_distance
 from geometry_fixtures import coal_shape as exact_shape
 
 from hmap_core.collision.convex import CYLINDER_SIDES, convex_set, from_hulls, set_distance, sets_closer, transformed
+from hmap_core.collision.gjk import WORK
 from hmap_core.collision.pairs import pair_distance, place_centers
 from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.exceptions import Code, InputError
@@ -108,7 +109,7 @@ def test_a_missing_mesh_is_named(tmp_path):
 
 def test_pair_distance_is_exact_within_its_cutoff_and_a_bound_beyond():
     rng = np.random.default_rng(5)
-    witness, work = np.zeros((3, 3)), np.zeros((20, 3))
+    witness, work = np.zeros((3, 3)), np.zeros(WORK)
     beyond = 0
     for _ in range(30):
         scene = CollisionModel()

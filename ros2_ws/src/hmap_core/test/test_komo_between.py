@@ -13,7 +13,8 @@ from hmap_core.komo.features import relative_pose, relative_position
 from hmap_core.komo.objective import ObjectiveType
 from hmap_core.komo.options import SolverOptions
 from hmap_core.komo.result import Status
-from hmap_core.komo.solver import between_violations, path_violations
+from hmap_core.komo.solver import path_violations
+from hmap_core.komo.sweep import between_violations
 from hmap_core.komo.transcription import KomoProblem
 from hmap_core.transforms import multiply, pose
 
@@ -138,7 +139,7 @@ def test_a_constraint_that_is_left_between_the_steps_is_named():
     result = problem.solve(start)
     assert (result.feasible, result.status) == (False, Status.BETWEEN_STEPS)
     assert "relative_position" in result.worst and "frames 7" in result.worst
-    found = violated_between(problem, np.concatenate([start[None], result.path]), problem.arrays())
+    found = violated_between(problem, np.concatenate([start[None], result.path]), problem.arrays(), problem.terms())
     assert {violation.objective for violation in found} == {0}
     assert max(violation.amount for violation in found) == result.worst_inequality > BETWEEN_TOLERANCE[0]
 

@@ -199,6 +199,10 @@ def test_ik_from_one_start_after_the_other():
     starts = np.concatenate([rng.uniform(world.chain.lower, world.chain.upper, (8, world.n)), posture[None]])
     q = solve_ik(ik_problem(world, name), params, starts, home())
     assert q is not None and max(reached(world, name, q, goal)) < 1e-4
+    alone = solve_ik(ik_problem(world, name), params, posture[None])  # stays near itself
+    np.testing.assert_allclose(alone, posture, atol=1e-4)
+    pulled = solve_ik(ik_problem(world, name), params, posture[None], home())
+    assert np.linalg.norm(pulled - home()) < np.linalg.norm(alone - home()) - 1e-3
     away = pose_params(world.T_tip_ee(name), pose((3.0, 0, 0)))
     assert solve_ik(ik_problem(world, name), away, starts, home()) is None
     blocked = with_links(world, (0.1 * np.ones(3), goal), margin=0.005)

@@ -10,7 +10,7 @@ from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.kinematics.chain import Chain
 from hmap_core.kinematics.model import KinematicModel, PlacedArm
 from hmap_core.komo import solver
-from hmap_core.komo.allowances import RELAXATION, relaxed, verification, without_pairs
+from hmap_core.komo.allowances import RELAXATION, relaxed, verification
 from hmap_core.komo.arrays import Multipliers
 from hmap_core.komo.banded import PADDING, cholesky_solve
 from hmap_core.komo.features import axis_alignment, joint_position, pose_params, relative_pose, relative_position
@@ -143,7 +143,7 @@ class Lagrangian:
         path = np.ascontiguousarray(X.reshape(self.T, self.n))
         model = solver.new_model(self.T, self.n, self.terms, self.cols, self.samples)
         found = solver._evaluate(
-            path, self.prefix, self.problem.chain, self.terms, self.cols, self.samples, self.problem.options.pack(),
+            path, self.prefix, self.problem.chain, self.terms, self.cols, self.samples, self.problem.options.packed,
             self.multipliers, model, scratch or self.scratch(), 0.0,
         )  # fmt: skip
         H, b = np.zeros((X.size, 3 * self.n + PADDING)), np.zeros(X.size)
@@ -187,6 +187,35 @@ def test_what_is_left_alone_between_evaluations_changes_nothing():
         np.testing.assert_allclose(remembered[4], fresh[4], rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.parametrize("grown", [1.0, 3.0])
+def test_multipliers_updated_in_place_are_those_of_what_is_violated(grown):
+    """The model with new multipliers and penalty is the one that is made anew with them."""
+    lagrangian = Lagrangian(("panda",), 2)
+    mult, old = lagrangian.multipliers, 50.0
+    before = mult.pairs.copy()
+    structure = lagrangian.problem.chain, lagrangian.terms, lagrangian.cols, lagrangian.samples
+    options, scratch = lagrangian.problem.options.packed, lagrangian.scratch()
+    model = solver.new_model(lagrangian.T, lagrangian.n, *structure[1:])
+    arguments = lagrangian.X, lagrangian.prefix, *structure, options, mult, model, scratch
+    solver._evaluate(*arguments, 0.0)
+    mult.mu[0] = grown * old
+    merit, _, worst_eq, worst_ineq, change = solver._evaluate(*arguments, old)
+    fresh = lagrangian.evaluate(lagrangian.X)
+    assert merit == pytest.approx(fresh[0], rel=1e-9)
+    assert (worst_eq, worst_ineq) == pytest.approx((fresh[2], fresh[3]), rel=1e-9)
+    H, b = np.zeros((lagrangian.X.size, 3 * lagrangian.n + PADDING)), np.zeros(lagrangian.X.size)
+    solver._assemble(lagrangian.X, lagrangian.prefix, structure[0], mult, model, np.zeros(b.size), H, b)
+    np.testing.assert_allclose(-b, fresh[4], rtol=1e-9, atol=1e-7)
+    np.testing.assert_allclose(H, fresh[5], rtol=1e-9, atol=1e-7)
+    for t in range(lagrangian.T):
+        sample = structure[3].first[t + 1] - 1
+        violation = pair_violations(structure[0], structure[2], lagrangian.X[t], structure[3].mask[sample])
+        expected = np.maximum(0.0, before[sample] + old * violation)
+        asked = violation > -np.inf
+        np.testing.assert_allclose(mult.pairs[sample][asked], expected[asked], atol=1e-3)
+    assert (mult.pairs > before).any() and (mult.pairs < before).any() and change > 0.0
+
+
 def test_collisions_between_the_steps_are_seen():
     """A box that only the middle of an interval touches."""
     world = model("iiwa")
@@ -200,7 +229,7 @@ def test_collisions_between_the_steps_are_seen():
         X, prefix = np.array([q0, q1]), np.array([q0, q0])
         structure = world.chain, problem.terms(), problem.arrays(), problem.samples()
         found[substeps] = solver._evaluate(
-            X, prefix, *structure, problem.options.pack(), solver.new_multipliers(2, 7, *structure[1:], 10.0),
+            X, prefix, *structure, problem.options.packed, solver.new_multipliers(2, 7, *structure[1:], 10.0),
             solver.new_model(2, 7, *structure[1:]), solver.new_scratch(2, 7, *structure, prefix), 0.0,
         )[3]  # fmt: skip
     assert found[1] <= 0.0 < 0.02 < found[2]
@@ -354,21 +383,21 @@ def test_a_target_that_is_no_number_is_infeasible():
 
 def brute_force(world, cols, path, masks):
     """Worst margin violation of each configuration, every pair asked exactly."""
-    worst, witness = [], np.zeros((3, 3))
-    for q, mask in zip(path, masks, strict=True):
-        R, p = frames(world.chain, q)
+    return np.array([pair_violations(world.chain, cols, q, mask).max() for q, mask in zip(path, masks, strict=True)])
 
-        def shape(s, R=R, p=p):
-            f = cols.frame[s]
-            return cols.vertices[cols.start[s] : cols.start[s + 1]], R[f], p[f], cols.radius[s]
 
-        found = [-np.inf]
-        for k in range(len(cols.a)):
-            if cols.phases[k] & mask:
-                a, b = (shape(s) for s in (cols.a[k], cols.b[k]))
-                found.append(cols.margin[k] - signed_distance(*a, *b, witness))
-        worst.append(max(found))
-    return np.array(worst)
+def pair_violations(chain, cols, q, mask):
+    """Violation (P,) of each pair's margin, -inf for those that the mask leaves out."""
+    R, p = frames(chain, q)
+    found, witness = np.full(len(cols.a), -np.inf), np.zeros((3, 3))
+
+    def shape(s):
+        f = cols.frame[s]
+        return cols.vertices[cols.start[s] : cols.start[s + 1]], R[f], p[f], cols.radius[s]
+
+    for k in np.flatnonzero(cols.phases & mask):
+        found[k] = cols.margin[k] - signed_distance(*shape(cols.a[k]), *shape(cols.b[k]), witness)
+    return found
 
 
 @pytest.mark.parametrize("floor", [0.0, -0.02])
@@ -457,7 +486,6 @@ def test_verification_uses_up_most_of_a_margin_and_never_half_a_millimetre_less(
     for margin in (0.003, 0.0003, 0.0, -0.0003):
         scene.keep_apart([shape], [shape], margin)
     np.testing.assert_allclose(verification(scene.arrays()).margin, [0.001, -0.0002, -0.0005, -0.0008])
-    assert len(without_pairs(scene.arrays()).a) == 0
 
 
 def test_following_stops_at_a_jump_and_at_what_cannot_be_reached():

@@ -75,17 +75,19 @@ def _problem(instance: MotionInstance, workspace: Workspace) -> SkeletonProblem:
 def solve(instance: MotionInstance, workspace: Workspace) -> Answer:
     """The part inside of the clock: the problem from its skeleton, and its solution."""
     problem = _problem(instance, workspace)
-    rng = np.random.default_rng(instance.seed)
     if not instance.path:
-        return _posture(instance, problem, rng)
+        return _posture(instance, problem)
+    rng = np.random.default_rng(instance.seed)
     result = problem.solve(workspace.start, restarts=instance.restarts, rng=rng)
     return Answer(result.feasible, np.concatenate([workspace.start[None], result.path]))
 
 
-def _posture(instance: MotionInstance, problem: SkeletonProblem, rng: np.random.Generator) -> Answer:
+def _posture(instance: MotionInstance, problem: SkeletonProblem) -> Answer:
     """From the start, then from random configurations, until one is found."""
     chain, start = problem.chain, instance.start
     params = np.concatenate([o.feature.params for o in problem.objectives])
-    random = rng.uniform(chain.lower, chain.upper, (instance.restarts, len(start)))
-    q = solve_ik(problem, params, np.concatenate([start[None], random]), start)
+    q = solve_ik(problem, params, start[None])
+    if q is None:
+        rng = np.random.default_rng(instance.seed)
+        q = solve_ik(problem, params, rng.uniform(chain.lower, chain.upper, (instance.restarts, len(start))))
     return Answer(q is not None, np.array([start, start if q is None else q]))

@@ -11,7 +11,7 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 from hmap_core.collision.edges import hull_edges
-from hmap_core.collision.gjk import FAR, OPTIONS, distance_within, signed_distance
+from hmap_core.collision.gjk import FAR, OPTIONS, WORK, distance_within, signed_distance
 from hmap_core.exceptions import Code, InputError
 from hmap_core.transforms import apply
 from hmap_core.types import Shape, ShapeKind
@@ -151,12 +151,12 @@ def _centers_apart(cA, RA, pA, cB, RB, pB):
 def sets_closer(VA, sA, radA, cA, bA, RA, pA, VB, sB, radB, cB, bB, RB, pB, margin):
     """Whether any shape of set A is nearer than ``margin`` (m) to any of set B; the arrays are those of ConvexSet."""
     witness = np.empty((3, 3))
-    work = np.zeros((20, 3))
+    work = np.zeros(WORK)
     for i in range(len(radA)):
         for j in range(len(radB)):
             if _centers_apart(cA[i], RA, pA, cB[j], RB, pB) - bA[i] - bB[j] > margin:
                 continue
-            work[0, :] = pA - pB
+            work[:3] = pA - pB
             d = distance_within(
                 VA[sA[i] : sA[i + 1]], RA, pA, radA[i], VB[sB[j] : sB[j + 1]], RB, pB, radB[j], margin, witness, work
             )
@@ -173,14 +173,14 @@ def sets_distance(VA, sA, radA, cA, bA, T_a, VB, sB, radB, cB, bB, T_b, cutoff):
     """
     RA, pA, RB, pB = _rotation(T_a), T_a[:3], _rotation(T_b), T_b[:3]
     witness = np.empty((3, 3))
-    work = np.zeros((20, 3))
+    work = np.zeros(WORK)
     best = FAR
     for i in range(len(radA)):
         for j in range(len(radB)):
             limit = min(best, cutoff)
             if _centers_apart(cA[i], RA, pA, cB[j], RB, pB) - bA[i] - bB[j] > limit:
                 continue
-            work[0, :] = pA - pB
+            work[:3] = pA - pB
             d = distance_within(
                 VA[sA[i] : sA[i + 1]], RA, pA, radA[i], VB[sB[j] : sB[j + 1]], RB, pB, radB[j], limit, witness, work
             )
@@ -195,7 +195,7 @@ def sets_nearest(VA, sA, radA, cA, bA, places, VB, sB, radB, cB, bB, owner, best
     Set B is where it is given. The other arrays are those of ConvexSet.
     """
     witness = np.empty((3, 3))
-    work = np.zeros((20, 3))
+    work = np.zeros(WORK)
     RB, pB = np.eye(3), np.zeros(3)
     for k in range(len(places)):
         RA, pA = _rotation(places[k]), places[k, :3]
@@ -204,7 +204,7 @@ def sets_nearest(VA, sA, radA, cA, bA, places, VB, sB, radB, cB, bB, owner, best
                 limit = best[owner[j]]
                 if _centers_apart(cA[i], RA, pA, cB[j], RB, pB) - bA[i] - bB[j] > limit:
                     continue
-                work[0, :] = pA
+                work[:3] = pA
                 d = distance_within(
                     VA[sA[i] : sA[i + 1]], RA, pA, radA[i], VB[sB[j] : sB[j + 1]], RB, pB, radB[j], limit, witness, work
                 )

@@ -96,9 +96,7 @@ def pair_distance(cols, k, R, p, centers, cutoff, hint, witness, work):
         gap = _box_distance(cols.low[a], cols.high[a], R[fa], p[fa], cb) - cols.bound[b]
     if gap > cutoff:
         return gap
-    work[0, 0] = d0
-    work[0, 1] = d1
-    work[0, 2] = d2
+    work[0], work[1], work[2] = d0, d1, d2
     return distance_from(
         cols.vertices[cols.start[a] : cols.start[a + 1]], cols.edges[cols.edge[a] : cols.edge[a + 1]],
         R[fa], p[fa], cols.radius[a],

@@ -3,7 +3,7 @@
 import numba as nb
 import numpy as np
 
-from hmap_core.collision.gjk import OPTIONS
+from hmap_core.collision.gjk import OPTIONS, WORK
 from hmap_core.collision.pairs import pair_distance, place_centers
 
 
@@ -61,7 +61,7 @@ def hand_reach(R_obj, p_obj, R_ee, p_ee, back, R_tip, p_tip, tip, near, far, hol
     R, p = np.zeros((tip + 1, 3, 3)), np.zeros((tip + 1, 3))
     for i in range(3):
         R[0, i, i] = 1.0
-    witness, work, last = np.empty((3, 3)), np.zeros((20, 3)), np.full(1, -1)
+    witness, work, last = np.empty((3, 3)), np.zeros(WORK), np.full(1, -1)
     moves_start, moves_path = _tip_pairs(at_start, tip), _tip_pairs(on_path, tip)
     centers_start = np.empty((at_start.frame.shape[0], 3))
     centers_path = np.empty((on_path.frame.shape[0], 3))

@@ -2,11 +2,13 @@
 
 from collections import namedtuple
 
+# Types of terms; a band is an equality that may be missed by a little, as between steps.
+SOS, EQ, INEQ, BAND = range(4)
 # Terms: objectives unrolled, one row per sample. kernel (M,), type (M,), step (M,), dim (M,), scale (M,), frames (M,4),
 # offset (M,) into params (N,); target (M, MAX_DIM); order (M,) of the difference over steps; band
 # (M, MAX_DIM): by how much a component of type BAND may miss its target;
-# by_sample (S+1,): rows of sample s are by_sample[s]:by_sample[s+1]; tau: seconds per step.
-Terms = namedtuple("Terms", "kernel type step dim scale frames offset params target order band by_sample tau")
+# by_sample (S+1,): rows of sample s are by_sample[s]:by_sample[s+1]; objective (M,): its number; tau: seconds per step.
+Terms = namedtuple("Terms", "kernel type step dim scale frames offset params target order band by_sample objective tau")
 # Samples: where constraints are looked at. first (T+1,): samples of the interval that ends at step t are
 # first[t]:first[t+1], the last of them the step itself; alpha (S,): where in the interval; mask (S,): bits of phases
 # whose pairs count.
@@ -22,8 +24,9 @@ Options = namedtuple(
 Multipliers = namedtuple("Multipliers", "terms pairs limits mu")
 # Model of the augmented Lagrangian round a path: H (T n, 3 n + PADDING), G (T n,) of what is smooth, and inequalities
 # as rows: row (M, n) of the Jacobian by the configuration at alpha (M,) of the interval before step (M,), the value
-# (M,) shifted by the multiplier, and the weight (M,) of its half square where it is positive; count (1,) rows are used.
-Model = namedtuple("Model", "H G row step alpha value weight count")
+# (M,) shifted by the multiplier, and the weight (M,) of its half square where it is positive; sample and pair (M,) of a
+# row that is a pair's, -1 else; count (1,) rows are used.
+Model = namedtuple("Model", "H G row step alpha value weight sample pair count")
 # Scratch of one problem. Pairs that are far apart are left alone until something can have come near. Per sample:
 # seen (S, n) is the last configuration, travel (S,) bounds how far any point has moved until there, wake (S,) is the
 # travel at which the pairs have to be looked at. When they were last: centers (S, shapes, 3), turned (S, n+1, 3, 3) the

@@ -5,9 +5,11 @@ import math
 import numba as nb
 import numpy as np
 
+from hmap_core.collision.gjk import PLAIN
+
 PADDING = 3  # columns of zeros that the storage has beyond the band, since four rows are taken at a time
 # sums may be regrouped, so that the processor's vector instructions are used
-OPTIONS = dict(cache=True, fastmath={"reassoc", "contract", "nsz"}, error_model="numpy", nogil=True)
+OPTIONS = dict(PLAIN, fastmath={"reassoc", "contract", "nsz"})
 _U = np.uint64  # indices that are never negative: a signed one costs a test
 
 

@@ -6,10 +6,11 @@ import numpy as np
 
 from hmap_core.collision.scene_model import Collisions
 from hmap_core.komo.allowances import verification
-from hmap_core.komo.features.base import MAX_FRAMES
+from hmap_core.komo.arrays import Terms
+from hmap_core.komo.features.base import MAX_DIM
 from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.problem import PathProblem
-from hmap_core.komo.solver import between_violations, feature_values
+from hmap_core.komo.sweep import between_violations, left_between
 from hmap_core.komo.violations import VERIFY_STEP, Violation, of_objective, of_pair
 
 SAMPLE_GAP = 0.02  # share of an interval within which two collision samples count as one
@@ -20,17 +21,15 @@ BETWEEN_TOLERANCE = (5e-4, 4e-3)
 BETWEEN_BAND = (3e-4, 2e-3)
 
 
-def by_unit(objective: Objective, values: tuple[float, float]) -> np.ndarray:
-    """(dim,) the first value for lengths, the second for angles and directions."""
-    return np.where(np.arange(objective.feature.dim) < objective.feature.lengths, *values)
+def by_unit(objective: Objective, values: tuple[float, float]) -> list[float]:
+    """For each of the dim components the first value for lengths, the second for angles and directions."""
+    lengths, dim = objective.feature.lengths, objective.feature.dim
+    return [values[0]] * lengths + [values[1]] * (dim - lengths)
 
 
-def violated_between(problem: PathProblem, path: np.ndarray, cols: Collisions) -> list[Violation]:
+def violated_between(problem: PathProblem, path: np.ndarray, cols: Collisions, terms: Terms) -> list[Violation]:
     """What a path (T + 1, n), with its start, violates between its steps: the worst of each interval and constraint."""
-    found = _too_near(problem, path, cols)
-    for index, objective in enumerate(problem.objectives):
-        found += _left(problem, index, objective, path)
-    return found
+    return _too_near(problem, path, cols) + _left(problem, path, terms)
 
 
 def new_place(substeps: int, known: Sequence[tuple[int, float]], step: int, alpha: float) -> tuple[int, float]:
@@ -58,34 +57,20 @@ def _too_near(problem: PathProblem, path: np.ndarray, cols: Collisions) -> list[
     ]
 
 
-def _left(problem: PathProblem, index: int, objective: Objective, path: np.ndarray) -> list[Violation]:
-    """Where a constraint that holds at both ends of an interval is left between them."""
-    constant = objective.params is None and objective.order == 0
-    if not constant or objective.type == ObjectiveType.SOS or len(objective.steps) < 2:
+def _left(problem: PathProblem, path: np.ndarray, terms: Terms) -> list[Violation]:
+    """Where constraints that hold at both ends of an interval are left between them."""
+    tolerance = np.zeros((len(problem.objectives), MAX_DIM))
+    for k, objective in enumerate(problem.objectives):
+        constant = objective.params is None and objective.order == 0
+        if constant and objective.type != ObjectiveType.SOS and len(objective.steps) > 1:
+            tolerance[k, : objective.feature.dim] = by_unit(objective, BETWEEN_TOLERANCE)
+    if not tolerance.any():
         return []
-    value = _values_between(problem, objective, path)
-    off = (np.abs(value) if objective.type == ObjectiveType.EQ else value) / by_unit(objective, BETWEEN_TOLERANCE)
+    place, component, amount = left_between(path, problem.chain, terms, tolerance, BETWEEN)
     found = []
-    for k in np.flatnonzero((off[:, 0] <= 1.0).all(1) & (off > 1.0).any((1, 2))):
-        place, component = np.unravel_index(int(off[k].argmax()), off[k].shape)
-        step, alpha = int(objective.steps[k]), float(BETWEEN[place])
-        amount = abs(float(value[k, place, component]))
-        text = of_objective(problem, objective, int(component), amount, step + alpha)
-        found.append(Violation(step, alpha, amount, index, text))
+    for m in np.flatnonzero(place >= 0):
+        index, step = int(terms.objective[m]), int(terms.step[m])
+        alpha, off = float(BETWEEN[place[m]]), float(amount[m])
+        text = of_objective(problem, problem.objectives[index], int(component[m]), off, step + alpha)
+        found.append(Violation(step, alpha, off, index, text))
     return found
-
-
-def _values_between(problem: PathProblem, objective: Objective, path: np.ndarray) -> np.ndarray:
-    """Values (steps, len(BETWEEN), dim) of an objective in the intervals before its steps, less its target."""
-    feature = objective.feature
-    steps = np.asarray(objective.steps)
-    before = path[steps][:, None]
-    points = before + BETWEEN[:, None] * (path[steps + 1][:, None] - before)
-    frames = np.zeros(MAX_FRAMES, np.int64)
-    frames[: len(feature.frames)] = feature.frames
-    value = feature_values(
-        points.reshape(-1, path.shape[1]), problem.chain, feature.kernel, feature.dim, frames, feature.params
-    )
-    if objective.target is not None:
-        value -= objective.target
-    return value.reshape(len(steps), len(BETWEEN), -1)

@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from hmap_core.komo.allowances import without_pairs
 from hmap_core.komo.solver import follow, solve_batch, solve_until
 from hmap_core.komo.transcription import KomoProblem
 
 
 def _one_step(problem: KomoProblem, params: np.ndarray):
     """What the compiled code takes of one-step problems with these parameters (K, N)."""
-    padded = np.ascontiguousarray(np.concatenate([params, np.zeros((len(params), 1))], axis=1))
-    return problem.terms(), padded, problem.arrays(), problem.samples(), problem.options.pack()
+    padded = np.concatenate([params, np.zeros((len(params), 1))], axis=1)
+    samples = problem.samples()
+    return problem.terms(samples), padded, problem.arrays(), samples, problem.options.packed
 
 
 def follow_ik(problem: KomoProblem, params: np.ndarray, start: np.ndarray, max_jump: float) -> np.ndarray:
@@ -22,21 +22,24 @@ def follow_ik(problem: KomoProblem, params: np.ndarray, start: np.ndarray, max_j
     return Q[:count]
 
 
-def solve_ik(problem: KomoProblem, params: np.ndarray, starts: np.ndarray, near: np.ndarray) -> np.ndarray | None:
+def solve_ik(
+    problem: KomoProblem, params: np.ndarray, starts: np.ndarray, near: np.ndarray | None = None
+) -> np.ndarray | None:
     """Solves a one-step problem from one start after the other until one is feasible.
 
     Args:
         problem: a problem of one phase and one step.
         params: (N,) all objective parameters, in order.
-        starts: (K, n); near: (n,) the configuration to stay near.
+        starts: (K, n).
+        near: (n,) or (K, n) the configuration to stay near; by default each start itself.
 
     Returns:
         A configuration (n,), or None.
     """
     terms, padded, cols, samples, options = _one_step(problem, params[None])
-    starts, near = np.ascontiguousarray(starts, float), np.ascontiguousarray(near, float)
-    free = without_pairs(cols)
-    q, violation = solve_until(starts, near, problem.chain, terms, padded[0], cols, free, samples, options)
+    starts = np.ascontiguousarray(starts, float)
+    near = starts if near is None else np.ascontiguousarray(np.broadcast_to(near, starts.shape), float)
+    q, violation = solve_until(starts, near, problem.chain, terms, padded[0], cols, samples, options)
     return q if violation <= problem.options.tolerance and np.isfinite(q).all() else None
 
 
@@ -54,6 +57,6 @@ def solve_ik_batch(problem: KomoProblem, params: np.ndarray, initial: np.ndarray
     X = np.ascontiguousarray(initial, float)[:, None, :].copy()
     prefix = np.ascontiguousarray(np.repeat(np.asarray(near, float)[:, None, :], 2, axis=1))
     terms, padded, cols, samples, options = _one_step(problem, params)
-    violation = solve_batch(X, prefix, problem.chain, terms, padded, cols, without_pairs(cols), samples, options)
-    feasible = (violation.max(1) <= problem.options.tolerance) & np.isfinite(X).all((1, 2))
+    violation = solve_batch(X, prefix, problem.chain, terms, padded, cols, samples, options)
+    feasible = (violation <= problem.options.tolerance) & np.isfinite(X).all((1, 2))
     return X[:, 0], feasible

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmap_core.komo import solver
-from hmap_core.komo.allowances import without_pairs
 from hmap_core.komo.arrays import Samples, Terms
 from hmap_core.komo.problem import PathProblem
 
@@ -26,15 +25,13 @@ def linearise(
     n = len(start)
     X = np.ascontiguousarray(path, float)
     prefix = np.ascontiguousarray([start, start], float)
-    found, J = solver.linearise(X, prefix, problem.chain, terms, without_pairs(problem.arrays()), samples)
-    index = np.repeat(np.arange(len(problem.objectives)), [len(o.steps) for o in problem.objectives])
-    steps = np.concatenate([np.zeros(0, np.int64), *(np.asarray(o.steps, np.int64) for o in problem.objectives)])
-    index = index[np.argsort(steps, kind="stable")]
-    rows = [(int(index[m]), int(terms.step[m]), d) for m in range(len(index)) for d in range(terms.dim[m])]
-    values = np.array([found[m, d] for m in range(len(index)) for d in range(terms.dim[m])])
+    found, J = solver.linearise(X, prefix, problem.chain, terms, problem.arrays(), samples)
+    count = len(terms.step)
+    rows = [(int(terms.objective[m]), int(terms.step[m]), d) for m in range(count) for d in range(terms.dim[m])]
+    values = np.array([found[m, d] for m in range(count) for d in range(terms.dim[m])])
     jacobian = np.zeros((len(rows), X.size))
     at = 0
-    for m in range(len(index)):
+    for m in range(count):
         for d in range(terms.dim[m]):
             for k in range(min(terms.order[m], terms.step[m]) + 1):
                 column = n * (terms.step[m] - k)

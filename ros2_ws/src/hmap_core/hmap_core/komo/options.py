@@ -1,6 +1,7 @@
 """Settings of the solver."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -50,7 +51,8 @@ class SolverOptions:
     coarse_tolerance: float = 2e-3
     refinements: int = 4
 
-    def pack(self) -> Options:
+    @cached_property
+    def packed(self) -> Options:
         """The options as the compiled solver takes them."""
         return Options(*(float(getattr(self, name)) for name in Options._fields))
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -110,10 +111,16 @@ class PathProblem:
 
     def masks(self) -> np.ndarray:
         """Bit mask (T,) of the phases of each interval."""
-        return np.int64(1) << self.phase_of_step()
+        return phase_masks(tuple(self.steps_per_phase))
 
     def time_of(self, at: float) -> float:
         """Time in phases of ``at`` steps since the start."""
         ends = np.concatenate([[0], np.cumsum(self.steps_per_phase)])
         phases = [k for k in range(len(ends)) if k == 0 or ends[k] > ends[k - 1]]
         return float(np.interp(at, ends[phases], phases))
+
+
+@lru_cache(maxsize=256)
+def phase_masks(steps_per_phase: tuple[int, ...]) -> np.ndarray:
+    """Bit mask (T,) of the phases of each interval."""
+    return np.repeat(np.int64(1) << np.arange(len(steps_per_phase)), steps_per_phase)

@@ -12,14 +12,13 @@ convergence asks the worst component, in metres and radians, never a sum.
 import numba as nb
 import numpy as np
 
-from hmap_core.collision.gjk import INLINE, OPTIONS, WORK
+from hmap_core.collision.gjk import INLINE, OPTIONS, PLAIN, WORK
 from hmap_core.collision.pairs import BEYOND, move_on, pair_distance, place_centers
 from hmap_core.kinematics.tree import forward, point_jacobian
-from hmap_core.komo.arrays import Model, Multipliers, Scratch, Terms
+from hmap_core.komo.arrays import BAND, EQ, INEQ, SOS, Model, Multipliers, Options, Samples, Scratch, Terms
 from hmap_core.komo.banded import PADDING, cholesky_solve
 from hmap_core.komo.features.base import MAX_DIM, call_kernel
 
-SOS, EQ, INEQ, BAND = 0, 1, 2, 3  # a band is an equality that may be missed by a little, as between steps
 MAX_ORDER = 2
 # a round that leaves more than this share of the violation stalls; after so many in a row the solve ends
 STALL, STALLS = 0.8, 8
@@ -30,11 +29,9 @@ LEAST_GAIN, POOR_GAIN, GOOD_GAIN = 0.01, 0.15, 0.35
 TRIES = 10  # steps tried from one path, with more and more damping
 NO_NUMBER = 1e300  # a merit that is not below this is no number: some target or parameter is none
 ENOUGH = 0.25  # share of the last round's violation from which the penalty is left as it is
-LOOK_AHEAD = (
-    0.01  # m beyond where it matters to which a distance is found, so that a pair can be left alone for a while
-)
-LEAST_MOTION = 1e-12  # m per interval
+LOOK_AHEAD = 0.01  # m beyond what matters to which a distance is found, so that a pair can be left alone for a while
 NEVER = BEYOND * BEYOND  # slack (m) of pairs that a phase does not ask for
+ROUGH = 1e-2  # m, rad: how near its target a posture has to come before its collisions are looked at
 
 
 @nb.njit(**OPTIONS)
@@ -76,11 +73,11 @@ def new_model(T, n, terms, cols, samples):
         M += terms.dim[m]
     return Model(
         np.zeros((T * n, 3 * n + PADDING)), np.zeros(T * n), np.empty((M, n)), np.empty(M, np.int64), np.empty(M),
-        np.empty(M), np.empty(M), np.zeros(1, np.int64),
+        np.empty(M), np.empty(M), np.empty(M, np.int64), np.empty(M, np.int64), np.zeros(1, np.int64),
     )  # fmt: skip
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**PLAIN)
 def _smoothness(X, prefix, w_acc, w_vel, H, G):
     """Adds squared accelerations and velocities of the path after ``prefix`` (2, n), the two configurations before."""
     T, n = X.shape
@@ -121,7 +118,7 @@ def _visit(X, prefix, t, alpha, reach, sample, qs, seen, travel):
     return travel[sample]
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**PLAIN)
 def _begin(cols, s, sample, mask, R, p):
     """What is known of a sample at first: what is known of the one before it, from which it is a small motion away."""
     slack, phases = s.slack[sample], cols.phases
@@ -129,26 +126,34 @@ def _begin(cols, s, sample, mask, R, p):
     before = sample - 1
     if before < 0 or not s.known[before]:
         place_centers(cols, R, p, s.centers[sample])
-        s.turned[sample] = R
+        for f in range(R.shape[0]):
+            for x in range(3):
+                for y in range(3):
+                    s.turned[sample, f, x, y] = R[f, x, y]
         for k in range(P):
             slack[k] = 0.0 if phases[k] & mask else NEVER
             s.hints[sample, k, 0] = 0
     else:
-        s.centers[sample] = s.centers[before]
-        s.turned[sample] = s.turned[before]
-        s.hints[sample] = s.hints[before]
+        for i in range(s.centers.shape[1]):
+            for x in range(3):
+                s.centers[sample, i, x] = s.centers[before, i, x]
+        for f in range(R.shape[0]):
+            for x in range(3):
+                for y in range(3):
+                    s.turned[sample, f, x, y] = s.turned[before, f, x, y]
         for k in range(P):
             known = s.slack[before, k]
             slack[k] = NEVER if phases[k] & mask == 0 else (known if known < 0.5 * NEVER else 0.0)
+            for h in range(s.hints.shape[2]):
+                s.hints[sample, k, h] = s.hints[before, k, h]
     s.known[sample] = True
 
 
-@nb.njit(**OPTIONS)
-def _collide(cols, chain, s, sample, mask, t, alpha, R, p, mu, lam, activity, model, old):
-    """Looks at the pairs of one sample with the frames (R, p).
+@nb.njit(**PLAIN)
+def _collide(cols, chain, s, sample, mask, t, alpha, R, p, mu, lam, activity, model):
+    """Looks at the pairs of one sample with the frames (R, p), whose multipliers are lam (P,).
 
-    Adds those nearer than their margin plus ``activity`` to the rows of the model. With ``old``, a penalty, their
-    multipliers lam (P,) are updated before. Returns (penalty, worst violation, largest change of a multiplier / old).
+    Adds those nearer than their margin plus ``activity`` to the rows of the model. Returns (penalty, worst violation).
     """
     if not s.known[sample]:
         _begin(cols, s, sample, mask, R, p)
@@ -158,7 +163,6 @@ def _collide(cols, chain, s, sample, mask, t, alpha, R, p, mu, lam, activity, mo
     first, prismatic = chain.first, chain.prismatic
     penalty = 0.0
     worst = -BEYOND
-    change = 0.0
     rest = NEVER
     for k in range(A.shape[0]):
         pulls = lam[k] > 0.0
@@ -179,11 +183,6 @@ def _collide(cols, chain, s, sample, mask, t, alpha, R, p, mu, lam, activity, mo
         d = pair_distance(cols, k, R, p, centers, BEYOND if pulls else near + LOOK_AHEAD, hints[k], w, s.work)
         c = margin[k] - d
         worst = max(worst, c)
-        if old > 0.0:
-            updated = max(0.0, lam[k] + old * c)
-            change = max(change, abs(updated - lam[k]) / old)
-            lam[k] = updated
-            pulls = updated > 0.0
         slack[k] = d - near
         rest = 0.0 if pulls else min(rest, max(0.0, d - near) / closing[k])
         if d > near and not pulls:
@@ -197,9 +196,48 @@ def _collide(cols, chain, s, sample, mask, t, alpha, R, p, mu, lam, activity, mo
         point_jacobian(R, p, first, prismatic, fb, w[2, 0], w[2, 1], w[2, 2], w[0, 0], w[0, 1], w[0, 2], 1.0, row)
         shifted = c + lam[k] / mu
         model.step[m], model.alpha[m], model.value[m], model.weight[m] = t, alpha, shifted, mu
+        model.sample[m], model.pair[m] = sample, k
         if shifted > 0.0:
             penalty += 0.5 * mu * shifted * shifted
     s.wake[sample] = s.travel[sample] + rest
+    return penalty, worst
+
+
+@nb.njit(**PLAIN)
+def _update_pairs(mult, model, s, old):
+    """Updates the multipliers of the pairs from the rows of a model that was made with the penalty ``old``.
+
+    Keeps these rows, with the new multipliers and penalty, and drops all others. Pairs without a row have no multiplier
+    and are too far for one. Returns (penalty, worst violation, largest change of a multiplier / old).
+    """
+    mu = mult.mu[0]
+    penalty = 0.0
+    worst = -BEYOND
+    change = 0.0
+    kept = 0
+    for m in range(model.count[0]):
+        sample, pair = model.sample[m], model.pair[m]
+        if pair < 0:
+            continue
+        lam = mult.pairs[sample, pair]
+        c = model.value[m] - lam / old
+        updated = max(0.0, lam + old * c)
+        mult.pairs[sample, pair] = updated
+        if updated > 0.0:
+            s.wake[sample] = s.travel[sample]
+        worst = max(worst, c)
+        change = max(change, abs(updated - lam) / old)
+        shifted = c + updated / mu
+        if shifted > 0.0:
+            penalty += 0.5 * mu * shifted * shifted
+        if kept < m:
+            for i in range(model.row.shape[1]):
+                model.row[kept, i] = model.row[m, i]
+            model.step[kept], model.alpha[kept] = model.step[m], model.alpha[m]
+            model.sample[kept], model.pair[kept] = sample, pair
+        model.value[kept], model.weight[kept] = shifted, mu
+        kept += 1
+    model.count[0] = kept
     return penalty, worst, change
 
 
@@ -214,7 +252,7 @@ def _call(terms, m, n, chain, R, p, q, r, J):
     )  # fmt: skip
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**PLAIN)
 def _value(X, prefix, t, m, chain, terms, s):
     """Value of term m at step t, less its target, into s.r; its Jacobians by x_t, x_(t-1), x_(t-2) into s.Jk."""
     n = X.shape[1]
@@ -236,7 +274,7 @@ def _value(X, prefix, t, m, chain, terms, s):
         s.r[d] -= terms.target[m, d]
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**PLAIN)
 def _objectives(X, prefix, t, sample, alpha, R, p, chain, terms, mu, lam, s, model, old):
     """Adds the objectives of a sample: to s.Hs, s.gs, those that look at several steps and inequalities to the model.
 
@@ -289,6 +327,7 @@ def _objectives(X, prefix, t, sample, alpha, R, p, chain, terms, mu, lam, s, mod
                 c = model.count[0]
                 model.count[0] = c + 1
                 model.step[c], model.alpha[c], model.value[c], model.weight[c] = t, alpha, value, weight
+                model.pair[c] = -1
                 for i in range(n):
                     model.row[c, i] = sign * s.J[d, i]
             elif order == 0:
@@ -314,11 +353,12 @@ def _objectives(X, prefix, t, sample, alpha, R, p, chain, terms, mu, lam, s, mod
     return merit, cost, worst_eq, worst_ineq, change
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**PLAIN)
 def _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s, old):
     """Augmented Lagrangian at X, and its model there.
 
-    With ``old``, the penalty so far, the multipliers are updated by it before: l += old c, where that is felt.
+    With ``old``, the penalty so far, ``model`` has to be the one at X with it: the multipliers are updated by it, as
+    l += old c where that is felt, and its pairs are not looked at again.
 
     Returns (merit, cost, worst equality, worst inequality, change): the worst values are unscaled, in metres and
     radians; change is the largest change of a multiplier over ``old``: violations, and slack where one is felt.
@@ -328,12 +368,17 @@ def _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s, old):
     H, G = model.H, model.G
     H[:] = 0.0
     G[:] = 0.0
-    model.count[0] = 0
     cost = _smoothness(X, prefix, o.acceleration, o.velocity, H, G)
     merit = cost
     change = 0.0
     worst_eq = 0.0
     worst_ineq = -BEYOND
+    anew = old <= 0.0
+    if anew:
+        model.count[0] = 0
+    else:
+        penalty, worst_ineq, change = _update_pairs(mult, model, s, old)
+        merit += penalty
     parent, R_joint, p_joint, prismatic = chain.parent, chain.R_joint, chain.p_joint, chain.prismatic
     lower, upper, reach, limits = chain.lower, chain.upper, chain.reach, mult.limits
     first, alphas, masks, by_sample = samples.first, samples.alpha, samples.mask, terms.by_sample
@@ -345,18 +390,16 @@ def _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s, old):
             step = sample + 1 == first[t + 1]
             moved = _visit(X, prefix, t, alpha, reach, sample, qs, seen, travel)
             asks = (step and several) or by_sample[sample] < by_sample[sample + 1]
-            awake = moved >= wake[sample]
+            awake = anew and moved >= wake[sample]
             if not (asks or awake):
                 continue
             index = t + MAX_ORDER if step and several else 0
             R, p = (s.R[index], s.p[index]) if step else (s.Rm, s.pm)
             forward(qs, parent, R_joint, p_joint, prismatic, R, p)
             if awake:
-                penalty, worst, moved = _collide(
-                    cols, chain, s, sample, masks[sample], t, alpha, R, p, mu, mult.pairs[sample], o.activity, model,
-                    old,
-                )  # fmt: skip
-                change = max(change, moved)
+                penalty, worst = _collide(
+                    cols, chain, s, sample, masks[sample], t, alpha, R, p, mu, mult.pairs[sample], o.activity, model
+                )
                 merit += penalty
                 worst_ineq = max(worst_ineq, worst)
             if asks:
@@ -398,7 +441,7 @@ def _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s, old):
     return merit, cost, worst_eq, worst_ineq, change
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**PLAIN)
 def _assemble(X, prefix, chain, mult, model, step, A, b):
     """The normal equations A, b of the model with the inequalities that are felt after a step (T n,).
 
@@ -406,9 +449,11 @@ def _assemble(X, prefix, chain, mult, model, step, A, b):
     """
     T, n = X.shape
     mu = mult.mu[0]
-    A[:] = model.H
+    H, G = model.H, model.G
     for k in range(T * n):
-        b[k] = -model.G[k]
+        for j in range(H.shape[1]):
+            A[k, j] = H[k, j]
+        b[k] = -G[k]
     felt = 0
     for m in range(model.count[0]):
         t, alpha, row, value, weight = model.step[m], model.alpha[m], model.row[m], model.value[m], model.weight[m]
@@ -450,7 +495,7 @@ def _assemble(X, prefix, chain, mult, model, step, A, b):
     return felt
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**PLAIN)
 def _model_step(X, prefix, chain, mult, model, damping, bandwidth, A, b, gradient, step):
     """The step (T n,) that minimises the model, and the gradient at X.
 
@@ -476,7 +521,8 @@ def _model_step(X, prefix, chain, mult, model, damping, bandwidth, A, b, gradien
             A[k, 0] += damping
         if not cholesky_solve(A, b, bandwidth):
             return False
-        step[:] = b
+        for k in range(N):
+            step[k] = b[k]
     return True
 
 
@@ -582,57 +628,69 @@ def solve(X, prefix, chain, terms, cols, samples, o):
 
 
 @nb.njit(**OPTIONS)
-def solve_batch(X, prefix, chain, terms, params, cols, free, samples, o):
-    """Solves K problems of one structure that differ in start and parameters, in place.
+def _solve_posture(X, prefix, chain, terms, cols, samples, o):
+    """Solves a one-step problem in place, X (1, n): roughly without collisions; if that works, from there with them.
 
-    Each is first solved without collisions; only those that then reach their target are solved with them, from there.
+    Returns the worst violation; BEYOND where not even the first works.
+    """
+    n = X.shape[1]
+    rough = Options(
+        o.mu, o.mu_growth, o.mu_max, max(ROUGH, o.tolerance), o.outer, o.inner, o.iterations, o.max_step, o.damping,
+        o.step_tolerance, o.gain_tolerance, o.acceleration, o.velocity, o.activity, o.optimality,
+    )  # fmt: skip
+    free = Samples(samples.first, samples.alpha, np.zeros_like(samples.mask))
+    mult = new_multipliers(1, n, terms, cols, samples, o.mu)
+    s = new_scratch(1, n, chain, terms, cols, samples, prefix)
+    _, eq, ineq, _ = solve_from(X, prefix, chain, terms, cols, free, rough, mult, s)
+    if not max(eq, ineq) < rough.tolerance:
+        return BEYOND
+    s.known[:] = False
+    s.wake[:] = 0.0
+    _, eq, ineq, _ = solve_from(X, prefix, chain, terms, cols, samples, o, mult, s)
+    return max(eq, ineq)
+
+
+@nb.njit(**OPTIONS)
+def solve_batch(X, prefix, chain, terms, params, cols, samples, o):
+    """Solves K problems of one structure and one step that differ in start and parameters, in place.
+
+    Each is first solved roughly without collisions; only those that then come near their target are solved with them,
+    from there.
 
     Args:
-        X: (K, T, n); prefix: (K, 2, n); params: (K, N) replaces terms.params for each problem.
-        free: the collision model without its pairs.
+        X: (K, 1, n); prefix: (K, 2, n); params: (K, N) replaces terms.params for each problem.
 
     Returns:
-        worst equality and inequality (K, 2).
+        worst violation (K,).
     """
-    result = np.empty((X.shape[0], 2))
+    result = np.empty(X.shape[0])
     for k in range(X.shape[0]):
         own = _with_params(terms, params[k])
-        _, eq, ineq, _ = solve(X[k], prefix[k], chain, own, free, samples, o)
-        if max(eq, ineq) < o.tolerance and cols.a.shape[0] > 0:
-            _, eq, ineq, _ = solve(X[k], prefix[k], chain, own, cols, samples, o)
-        result[k, 0] = eq
-        result[k, 1] = ineq
+        result[k] = _solve_posture(X[k], prefix[k], chain, own, cols, samples, o)
     return result
 
 
 @nb.njit(**OPTIONS)
-def solve_until(starts, near, chain, terms, params, cols, free, samples, o):
+def solve_until(starts, near, chain, terms, params, cols, samples, o):
     """Solves a one-step problem from one start (n,) after the other of ``starts`` (K, n), until one is feasible.
 
     Args:
-        near: (n,) configuration to stay near; params, free: as for :func:`solve_batch`.
+        near: (K, n) configurations to stay near; params: as for :func:`solve_batch`.
 
     Returns:
         (q (n,), worst violation): those of the first that is feasible, else of the least violated.
     """
-    n = near.shape[0]
+    K, n = starts.shape
     own = _with_params(terms, params)
-    prefix = np.empty((2, n))
-    prefix[0] = near
-    prefix[1] = near
-    X = np.empty((1, n))
-    best = np.empty(n)
+    prefix, X, best = np.empty((2, n)), np.empty((1, n)), np.empty(n)
     least = 2.0 * BEYOND
-    for k in range(starts.shape[0]):
-        X[0] = starts[k]
-        _, eq, ineq, _ = solve(X, prefix, chain, own, free, samples, o)
-        if cols.a.shape[0] > 0:
-            if max(eq, ineq) < o.tolerance:
-                _, eq, ineq, _ = solve(X, prefix, chain, own, cols, samples, o)
-            else:
-                ineq = BEYOND
-        if max(eq, ineq) < least or k == 0:
-            least = max(eq, ineq)
+    for k in range(K):
+        for i in range(n):
+            X[0, i] = starts[k, i]
+            prefix[0, i] = prefix[1, i] = near[k, i]
+        worst = _solve_posture(X, prefix, chain, own, cols, samples, o)
+        if worst < least or k == 0:
+            least = worst
             best[:] = X[0]
         if least <= o.tolerance:
             break
@@ -640,10 +698,66 @@ def solve_until(starts, near, chain, terms, params, cols, free, samples, o):
 
 
 @nb.njit(**OPTIONS)
+def solve_ends(start, last, random, elsewhere, chain, terms, cols, samples, o):
+    """Configurations for the last steps of the phases of a path, one after the other, each near the one before.
+
+    Args:
+        start: (n,) configuration before the path.
+        last: (K,) last step of each phase.
+        random: (K, R, n) configurations from which the end of a phase is sought too.
+        elsewhere: the first end that is asked for comes from the random ones alone, and stays near them.
+        terms, samples: of the path.
+
+    Returns:
+        (Q (K, n): the first that is feasible, else the least violated; asked (K,): whether an equality is asked).
+    """
+    K, R, n = random.shape
+    Q, asked = np.empty((K, n)), np.zeros(K, np.bool_)
+    before = start
+    for k in range(K):
+        sample = samples.first[last[k] + 1] - 1
+        own, asked[k] = _asked(terms, sample)
+        if not asked[k]:
+            continue
+        only = Samples(np.array([0, 1]), np.ones(1), samples.mask[sample : sample + 1])
+        starts, near = np.empty((R + 1, n)), np.empty((R + 1, n))
+        starts[0] = before
+        starts[1:] = random[k]
+        near[:] = before
+        if elsewhere and k == 0:
+            # what follows stays on its branch of the arm, or carrying could not connect the two
+            Q[k] = solve_until(random[k], random[k], chain, own, own.params, cols, only, o)[0]
+        else:
+            Q[k] = solve_until(starts, near, chain, own, own.params, cols, only, o)[0]
+        before = Q[k]
+    return Q, asked
+
+
+@nb.njit(**OPTIONS)
+def _asked(terms, sample):
+    """The constraints of order 0 of a sample as those of a problem of one step, and whether one is an equality."""
+    begin, end = terms.by_sample[sample], terms.by_sample[sample + 1]
+    chosen = np.empty(end - begin, np.int64)
+    count = 0
+    equality = False
+    for m in range(begin, end):
+        if terms.order[m] == 0 and terms.type[m] != SOS:
+            chosen[count] = m
+            count += 1
+            equality = equality or terms.type[m] == EQ
+    c = chosen[:count]
+    return Terms(
+        terms.kernel[c], terms.type[c], np.zeros(count, np.int64), terms.dim[c], terms.scale[c], terms.frames[c],
+        terms.offset[c], terms.params, terms.target[c], terms.order[c], terms.band[c], np.array([0, count]),
+        terms.objective[c], terms.tau,
+    ), equality  # fmt: skip
+
+
+@nb.njit(**OPTIONS)
 def _with_params(terms, params):
     return Terms(
         terms.kernel, terms.type, terms.step, terms.dim, terms.scale, terms.frames, terms.offset, params, terms.target,
-        terms.order, terms.band, terms.by_sample, terms.tau,
+        terms.order, terms.band, terms.by_sample, terms.objective, terms.tau,
     )  # fmt: skip
 
 
@@ -710,6 +824,27 @@ def linearise(X, prefix, chain, terms, cols, samples):
     return values, jacobians
 
 
+@nb.njit(**PLAIN)
+def _nearest(
+    path, masks, chain, cols, floor, violation, pair, R, p, turned, centers, moved, slack, hints, witness, work
+):
+    """:func:`path_violations` with room for everything."""
+    for m in range(path.shape[0]):
+        forward(path[m], chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R, p)
+        if m == 0:
+            place_centers(cols, R, p, centers)
+        move_on(cols, R, p, centers, turned, moved, slack)
+        for k in range(slack.shape[0]):
+            if slack[k] > 0.0 or cols.phases[k] & masks[m] == 0:
+                continue
+            margin = cols.margin[k]
+            d = pair_distance(cols, k, R, p, centers, margin - floor + LOOK_AHEAD, hints[k], witness, work)
+            slack[k] = d - margin + floor
+            if margin - d > violation[m]:
+                violation[m] = margin - d
+                pair[m] = k
+
+
 @nb.njit(**OPTIONS)
 def path_violations(path, masks, chain, cols, floor):
     """Worst margin violation of each configuration.
@@ -724,128 +859,12 @@ def path_violations(path, masks, chain, cols, floor):
     M, n = path.shape
     P, shapes = cols.a.shape[0], cols.frame.shape[0]
     violation, pair = np.full(M, floor), np.full(M, -1, np.int64)
-    R, p, turned = np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3)), np.zeros((n + 1, 3, 3))
-    centers, moved, slack = np.zeros((shapes, 3)), np.zeros(shapes), np.zeros(P)
-    hints, witness, work = np.zeros((P, 9), np.int16), np.zeros((3, 3)), np.zeros(WORK)
-    for m in range(M):
-        forward(path[m], chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R, p)
-        if m == 0:
-            place_centers(cols, R, p, centers)
-        move_on(cols, R, p, centers, turned, moved, slack)
-        for k in range(P):
-            if slack[k] > 0.0 or cols.phases[k] & masks[m] == 0:
-                continue
-            margin = cols.margin[k]
-            d = pair_distance(cols, k, R, p, centers, margin - floor + LOOK_AHEAD, hints[k], witness, work)
-            slack[k] = d - margin + floor
-            if margin - d > violation[m]:
-                violation[m] = margin - d
-                pair[m] = k
+    _nearest(
+        path, masks, chain, cols, floor, violation, pair, np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3)),
+        np.zeros((n + 1, 3, 3)), np.zeros((shapes, 3)), np.zeros(shapes), np.zeros(P), np.zeros((P, 9), np.int16),
+        np.zeros((3, 3)), np.zeros(WORK),
+    )  # fmt: skip
     return violation, pair
-
-
-@nb.njit(**INLINE)
-def _motion(chain, frame, dq, R, p, c):
-    """Velocity of the point c (3,) fixed in a frame, and its angular velocity, along the joint motion dq (n,)."""
-    w0, w1, w2, v0, v1, v2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for k in range(chain.first[frame], frame):
-        z0, z1, z2, rate = R[k + 1, 0, 2], R[k + 1, 1, 2], R[k + 1, 2, 2], dq[k]
-        if chain.prismatic[k] == 1:
-            v0, v1, v2 = v0 + z0 * rate, v1 + z1 * rate, v2 + z2 * rate
-        else:
-            r0, r1, r2 = c[0] - p[k + 1, 0], c[1] - p[k + 1, 1], c[2] - p[k + 1, 2]
-            v0 += rate * (z1 * r2 - z2 * r1)
-            v1 += rate * (z2 * r0 - z0 * r2)
-            v2 += rate * (z0 * r1 - z1 * r0)
-            w0, w1, w2 = w0 + z0 * rate, w1 + z1 * rate, w2 + z2 * rate
-    return v0, v1, v2, w0, w1, w2
-
-
-@nb.njit(**OPTIONS)
-def between_violations(path, masks, chain, cols, resolution):
-    """Worst margin violation within each interval of a path that is straight between its configurations.
-
-    A pair is next looked at where it could touch its margin at the earliest (conservative advancement [3]): its shapes
-    come nearer along their normal, the gap along which bounds the distance from below, at the speed that they have
-    here, which changes by no more than the second derivative of the chain. The next look is at least ``resolution``
-    metres of motion further.
-
-    [3] Mirtich, Impulse-based dynamic simulation, 1996.
-
-    Args:
-        path: (T + 1, n); masks: (T,) bit mask of the phases of each interval.
-
-    Returns:
-        (violation (T,) in metres, 0 where there is none; pair (T,) or -1; alpha (T,): where in the interval).
-    """
-    T, n = path.shape[0] - 1, path.shape[1]
-    P, shapes = cols.a.shape[0], cols.frame.shape[0]
-    violation, pair, where = np.zeros(T), np.full(T, -1, np.int64), np.zeros(T)
-    R, p, Rk, pk = np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3)), np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3))
-    centers, own = np.zeros((shapes, 3)), np.zeros((shapes, 3))
-    reaches, slack, q, dq = np.zeros(shapes), np.zeros(P), np.zeros(n), np.zeros(n)
-    hints, witness, work = np.zeros((P, 9), np.int16), np.zeros((3, 3)), np.zeros(WORK)
-    for t in range(T):
-        turn, bend = 0.0, 0.0  # bend: bound on the second derivative of every point of a link
-        for i in range(n):
-            dq[i] = path[t + 1, i] - path[t, i]
-            bend += chain.reach[i] * abs(dq[i]) * (abs(dq[i]) + 2.0 * turn)
-            turn += abs(dq[i])
-        forward(path[t], chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R, p)
-        place_centers(cols, R, p, centers)
-        for s in range(shapes):
-            if cols.frame[s] > 0:
-                v0, v1, v2, w0, w1, w2 = _motion(chain, cols.frame[s], dq, R, p, centers[s])
-                speed = np.sqrt(v0 * v0 + v1 * v1 + v2 * v2) + np.sqrt(w0 * w0 + w1 * w1 + w2 * w2) * cols.bound[s]
-                reaches[s] = speed + 0.5 * bend * cols.speed[s]
-        for k in range(P):
-            a, b = cols.a[k], cols.b[k]
-            motion = reaches[a] + reaches[b]
-            if cols.phases[k] & masks[t] == 0 or slack[k] > motion:
-                slack[k] -= motion
-                continue
-            curve = bend * (cols.speed[a] + cols.speed[b])
-            alpha = 0.0
-            while True:
-                for i in range(n):
-                    q[i] = path[t, i] + alpha * dq[i]
-                forward(q, chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, Rk, pk)
-                for s in (a, b):
-                    f = cols.frame[s]
-                    for x in range(3):
-                        own[s, x] = pk[f, x]
-                        for y in range(3):
-                            own[s, x] += Rk[f, x, y] * cols.center[s, y]
-                cutoff = cols.margin[k] + LOOK_AHEAD
-                d = pair_distance(cols, k, Rk, pk, own, cutoff, hints[k], witness, work)
-                slack[k] = d - cols.margin[k]
-                if -slack[k] > violation[t]:
-                    violation[t], pair[t], where[t] = -slack[k], k, alpha
-                speed = 0.0
-                n0, n1, n2 = witness[0, 0], witness[0, 1], witness[0, 2]
-                for s in (a, b):
-                    f = cols.frame[s]
-                    if f == 0:
-                        continue
-                    v0, v1, v2, w0, w1, w2 = _motion(chain, f, dq, Rk, pk, own[s])
-                    if d <= cutoff:
-                        # along the normal: what turns about it, or slides along the plane, comes no nearer
-                        c0, c1, c2 = w1 * n2 - w2 * n1, w2 * n0 - w0 * n2, w0 * n1 - w1 * n0
-                        speed += np.sqrt(c0 * c0 + c1 * c1 + c2 * c2) * cols.bound[s]
-                        speed += (-1.0 if s == a else 1.0) * (n0 * v0 + n1 * v1 + n2 * v2)
-                    else:
-                        speed += np.sqrt(v0 * v0 + v1 * v1 + v2 * v2)
-                        speed += np.sqrt(w0 * w0 + w1 * w1 + w2 * w2) * cols.bound[s]
-                if alpha >= 1.0:
-                    break
-                rest = 1.0 - alpha
-                if slack[k] > speed * rest + 0.5 * curve * rest * rest:
-                    slack[k] -= speed * rest + 0.5 * curve * rest * rest
-                    break
-                room = max(slack[k], resolution)
-                root = np.sqrt(speed * speed + 2.0 * curve * room)
-                alpha = min(1.0, alpha + 2.0 * room / max(speed + root, LEAST_MOTION))
-    return violation, pair, where
 
 
 @nb.njit(**OPTIONS)
@@ -864,23 +883,6 @@ def standing_margins(q, mask, chain, cols, extra):
             if d < margin[k]:
                 margin[k] = d - extra
     return margin
-
-
-@nb.njit(**OPTIONS)
-def feature_values(path, chain, kernel, dim, frames, params):
-    """Values (M, dim) of a feature at the configurations of a path (M, n)."""
-    M, n = path.shape
-    R, p, J, r = np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3)), np.zeros((MAX_DIM, n)), np.zeros(MAX_DIM)
-    values = np.empty((M, dim))
-    for m in range(M):
-        forward(path[m], chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R, p)
-        J[:] = 0.0
-        call_kernel(
-            kernel, n, R.ctypes.data, p.ctypes.data, chain.first.ctypes.data, chain.prismatic.ctypes.data,
-            path[m].ctypes.data, frames.ctypes.data, params.ctypes.data, r.ctypes.data, J.ctypes.data,
-        )  # fmt: skip
-        values[m] = r[:dim]
-    return values
 
 
 @nb.njit(**OPTIONS)

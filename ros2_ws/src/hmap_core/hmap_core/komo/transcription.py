@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -13,10 +14,10 @@ from hmap_core.komo.between import BETWEEN_BAND, by_unit, new_place, violated_be
 from hmap_core.komo.features.base import MAX_DIM, MAX_FRAMES
 from hmap_core.komo.first_guess import first_guess
 from hmap_core.komo.linearisation import Linearisation, linearise
-from hmap_core.komo.objective import ObjectiveType
-from hmap_core.komo.problem import PathProblem
+from hmap_core.komo.problem import PathProblem, phase_masks
 from hmap_core.komo.result import KomoResult, Status
-from hmap_core.komo.solver import BAND, solve
+from hmap_core.komo.solver import solve
+from hmap_core.komo.unroll import FRAMES, unroll
 from hmap_core.komo.violations import worst_violation
 
 
@@ -32,19 +33,7 @@ class KomoProblem(PathProblem):
 
     def samples(self, extra: Sequence[tuple[int, float]] = ()) -> Samples:
         """Where collisions are looked at: ``substeps`` places per interval, and ``extra`` ones (step, alpha)."""
-        S, T = self.options.substeps, self.steps
-        step = np.repeat(np.arange(T), S)
-        alpha = (np.zeros((T, 1)) + np.arange(1, S + 1) / S).ravel()
-        if extra:
-            step = np.concatenate([step, [t for t, _ in extra]]).astype(np.int64)
-            alpha = np.concatenate([alpha, [a for _, a in extra]])
-            order = np.lexsort((alpha, step))
-            step, alpha = step[order], alpha[order]
-        masks = self.masks()
-        ends = masks.copy()
-        ends[:-1] |= masks[1:]  # a step at a mode switch is in both phases
-        mask = np.where(alpha == 1.0, ends[step], masks[step])
-        return Samples(step.searchsorted(np.arange(T + 1)), alpha, mask)
+        return _samples(tuple(self.steps_per_phase), self.options.substeps, tuple(extra))
 
     def terms(self, samples: Samples | None = None, between: Sequence[tuple[int, int, float]] = ()) -> Terms:
         """Objectives unrolled over their steps, ordered by sample.
@@ -54,44 +43,30 @@ class KomoProblem(PathProblem):
             between: (objective, step, alpha) that are asked between the steps too, where there is a sample.
         """
         samples = samples or self.samples()
-        counts = [len(o.steps) for o in self.objectives]
-        step = np.fromiter((t for o in self.objectives for t in o.steps), np.int64, sum(counts))
-        params, entries, size, rows = [], [], 0, 0
-        for o, count in zip(self.objectives, counts, strict=True):
+        entries, params, steps, size = [], [], [], 0
+        for o in self.objectives:
             feature, numbers, width = o.feature, o.feature.params, 0
             if o.params is not None:
                 numbers = np.atleast_2d(np.asarray(o.params, float))
                 width = numbers.shape[1]
             frames = (*feature.frames, *[0] * (MAX_FRAMES - len(feature.frames)))
-            entries.append((feature.kernel, int(o.type), feature.dim, o.order, *frames, size, width, rows))
+            entries.append((feature.kernel, o.type, feature.dim, o.order, size, width, len(o.steps), *frames))
             params.append(numbers.ravel())
-            size, rows = size + numbers.size, rows + count
-        table = np.array(entries, np.int64).reshape(len(entries), 7 + MAX_FRAMES)
-        index = np.repeat(np.arange(len(entries)), counts)
-        begin, width, first = table[:, -3:].T.take(index, axis=1)
-        offset = begin + width * (np.arange(len(index)) - first)
-        at = samples.first[step + 1] - 1
-        if between:
-            own, steps, alphas = (np.array(column) for column in zip(*between, strict=True))
-            places = [_sample_at(samples, t, a) for t, a in zip(steps, alphas, strict=True)]
-            index, step = np.concatenate([index, own]), np.concatenate([step, steps])
-            at = np.concatenate([at, places])
-            offset = np.concatenate([offset, table[own, -3]])
-        order = at.argsort(kind="stable")
-        index, at = index[order], at[order]
-        kernel, kind, dim, difference = table[:, :4].T.take(index, axis=1)
-        band = np.zeros((len(index), MAX_DIM))
-        for m in np.flatnonzero((order >= len(index) - len(between)) & (kind == ObjectiveType.EQ)) if between else ():
-            kind[m], band[m, : dim[m]] = BAND, by_unit(self.objectives[index[m]], BETWEEN_BAND)
-        target = np.zeros((len(entries), MAX_DIM))
+            steps += o.steps
+            size += numbers.size
+        target, band = np.zeros((2, len(entries), MAX_DIM))
         for k, o in enumerate(self.objectives):
             if o.target is not None:
                 target[k, : o.feature.dim] = o.target
-        scale = np.array([o.scale for o in self.objectives], float)[index]
-        by_sample = at.searchsorted(np.arange(len(samples.alpha) + 1))
-        return Terms(
-            kernel, kind, step[order], dim, scale, table[:, 4:-3].take(index, axis=0), offset[order],
-            np.concatenate([*params, np.zeros(1)]), target[index], difference, band, by_sample, float(self.tau),
+        for k in {k for k, _, _ in between}:
+            feature = self.objectives[k].feature
+            band[k, : feature.dim] = by_unit(self.objectives[k], BETWEEN_BAND)
+        places = [(t, _sample_at(samples, t, alpha)) for _, t, alpha in between]
+        return unroll(
+            np.array(entries, np.int64).reshape(len(entries), FRAMES + MAX_FRAMES), np.array(steps, np.int64),
+            np.array([k for k, _, _ in between], np.int64), np.array(places, np.int64).reshape(-1, 2), samples,
+            np.array([o.scale for o in self.objectives], float), target, band,
+            np.concatenate([*params, np.zeros(1)]), float(self.tau),
         )  # fmt: skip
 
     def solve(
@@ -140,7 +115,7 @@ class KomoProblem(PathProblem):
         """One first guess, with more samples where the path fails between them."""
         X = np.ascontiguousarray(initial, float).copy()
         prefix = np.ascontiguousarray([start, start], float)
-        options = self.options.pack()
+        options = self.options.packed
         extra: list[tuple[int, float]] = []
         between: list[tuple[int, int, float]] = []
         iterations = self._solve_coarsely(X, prefix, cols, terms, samples)
@@ -150,7 +125,7 @@ class KomoProblem(PathProblem):
             if not (max(eq, ineq) <= self.options.tolerance and np.isfinite(X).all()):
                 worst = self._worst(X, start, cols)
                 return KomoResult(X, False, cost, eq, ineq, iterations, worst, Status.INFEASIBLE)
-            found = violated_between(self, np.concatenate([start[None], X]), cols)
+            found = violated_between(self, np.concatenate([start[None], X]), cols, terms)
             if not found:
                 return KomoResult(X, True, cost, eq, ineq, iterations)
             late = time.monotonic() > deadline
@@ -175,7 +150,7 @@ class KomoProblem(PathProblem):
         if stride <= 1:
             return 0
         first = replace(options, activity=options.coarse_activity, tolerance=options.coarse_tolerance)
-        return solve(X, prefix, self.chain, terms, cols, self.coarse_samples(samples, stride), first.pack())[3]
+        return solve(X, prefix, self.chain, terms, cols, self.coarse_samples(samples, stride), first.packed)[3]
 
     def linearise(self, path: np.ndarray, start: np.ndarray) -> Linearisation:
         """Values and Jacobian of all objectives at a path (T, n), for tests and for other solvers."""
@@ -187,6 +162,23 @@ class KomoProblem(PathProblem):
         if not np.isfinite(X).all():
             return "the path is no number"
         return worst_violation(self, self.linearise(X, start), np.concatenate([start[None], X]), cols)
+
+
+@lru_cache(maxsize=256)
+def _samples(steps_per_phase: tuple[int, ...], substeps: int, extra: tuple[tuple[int, float], ...]) -> Samples:
+    T = sum(steps_per_phase)
+    step = np.repeat(np.arange(T), substeps)
+    alpha = (np.zeros((T, 1)) + np.arange(1, substeps + 1) / substeps).ravel()
+    if extra:
+        step = np.concatenate([step, [t for t, _ in extra]]).astype(np.int64)
+        alpha = np.concatenate([alpha, [a for _, a in extra]])
+        order = np.lexsort((alpha, step))
+        step, alpha = step[order], alpha[order]
+    masks = phase_masks(steps_per_phase)
+    ends = masks.copy()
+    ends[:-1] |= masks[1:]  # a step at a mode switch is in both phases
+    mask = np.where(alpha == 1.0, ends[step], masks[step])
+    return Samples(step.searchsorted(np.arange(T + 1)), alpha, mask)
 
 
 def _sample_at(samples: Samples, step: int, alpha: float) -> int:

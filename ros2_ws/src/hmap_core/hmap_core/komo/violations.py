@@ -8,7 +8,7 @@ from hmap_core.collision.scene_model import Collisions
 from hmap_core.komo.linearisation import Linearisation
 from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.problem import PathProblem
-from hmap_core.komo.solver import between_violations
+from hmap_core.komo.sweep import between_violations
 
 VERIFY_STEP = 0.0005  # m of motion after which a pair is looked at again at the latest
 

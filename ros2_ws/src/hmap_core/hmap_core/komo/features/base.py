@@ -16,6 +16,7 @@ from numba.extending import intrinsic
 _F, _I = types.CPointer(types.float64), types.CPointer(types.int64)
 # kernel(n, R (n+1,3,3), p (n+1,3), first (n+1,), prismatic (n,), q (n,), frames, params, r, J (dim,n))
 KERNEL = types.void(types.int64, _F, _F, _I, _I, _F, _I, _F, _F, _F)
+CALLBACK = dict(cache=True, error_model="numpy")  # of kernels
 MAX_DIM = 32
 MAX_FRAMES = 4
 

@@ -4,16 +4,16 @@ import numpy as np
 from numba import carray, cfunc
 
 from hmap_core.collision.convex import ConvexSet
-from hmap_core.collision.gjk import FAR, distance_within
+from hmap_core.collision.gjk import FAR, WORK, distance_within
 from hmap_core.exceptions import InputError
 from hmap_core.kinematics.tree import point_jacobian
-from hmap_core.komo.features.base import KERNEL, Feature
+from hmap_core.komo.features.base import CALLBACK, KERNEL, Feature
 
 _HEADER = 5  # numbers before the pieces: numbers in all, pieces of the first set, of the second, factor, constant
 _PIECE = 7  # of a piece: where its vertices begin, how many, radius, centre (3) and radius of the bounding sphere
 
 
-@cfunc(KERNEL, cache=True)
+@cfunc(KERNEL, **CALLBACK)
 def _kernel(n, R_, p_, first_, prismatic_, q_, frames_, params_, r_, J_):
     R, p = carray(R_, (n + 1, 3, 3)), carray(p_, (n + 1, 3))
     first, prismatic = carray(first_, n + 1), carray(prismatic_, n)
@@ -22,7 +22,7 @@ def _kernel(n, R_, p_, first_, prismatic_, q_, frames_, params_, r_, J_):
     numbers, pieces_a, pieces_b = carray(params_, int(header[0])), int(header[1]), int(header[2])
     a, b = frames[0], frames[1]
     Ra, Rb, pa, pb = R[a], R[b], p[a], p[b]
-    witness, nearest, work = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((20, 3))
+    witness, nearest, work = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(WORK)
     best = FAR
     for i in range(pieces_a):
         A = numbers[_HEADER + _PIECE * i : _HEADER + _PIECE * (i + 1)]
@@ -33,7 +33,7 @@ def _kernel(n, R_, p_, first_, prismatic_, q_, frames_, params_, r_, J_):
             for x in range(3):
                 u = Ra[x, 0] * A[3] + Ra[x, 1] * A[4] + Ra[x, 2] * A[5] + pa[x]
                 w = Rb[x, 0] * B[3] + Rb[x, 1] * B[4] + Rb[x, 2] * B[5] + pb[x]
-                work[0, x] = u - w
+                work[x] = u - w
                 square += (u - w) * (u - w)
             if np.sqrt(square) - A[6] - B[6] >= best:
                 continue

@@ -4,12 +4,12 @@ import numpy as np
 from numba import carray, cfunc
 
 from hmap_core.exceptions import InputError
-from hmap_core.komo.features.base import KERNEL, MAX_DIM, Feature
+from hmap_core.komo.features.base import CALLBACK, KERNEL, MAX_DIM, Feature
 
 _HEADER = 2  # numbers before the bounds: first joint, number of joints
 
 
-@cfunc(KERNEL, cache=True)
+@cfunc(KERNEL, **CALLBACK)
 def _kernel(n, R_, p_, first_, prismatic_, q_, frames_, params_, r_, J_):
     q, header = carray(q_, n), carray(params_, _HEADER)
     first, count = int(header[0]), int(header[1])

@@ -7,13 +7,13 @@ import numpy as np
 from numba import carray, cfunc
 from scipy.spatial.transform import Rotation
 
-from hmap_core.collision.gjk import OPTIONS
-from hmap_core.komo.features.base import KERNEL, Feature
+from hmap_core.collision.gjk import INLINE
+from hmap_core.komo.features.base import CALLBACK, KERNEL, Feature
 from hmap_core.komo.features.relative import relative_point
 from hmap_core.transforms import rotation_numbers
 
 
-@nb.njit(**OPTIONS)
+@nb.njit(**INLINE)
 def _quaternion(m00, m01, m02, m10, m11, m12, m20, m21, m22):
     """Unit quaternion xyzw, w >= 0, of a rotation matrix; the branch with the largest pivot."""
     trace = m00 + m11 + m22
@@ -33,7 +33,34 @@ def _quaternion(m00, m01, m02, m10, m11, m12, m20, m21, m22):
     return sign * x, sign * y, sign * z, sign * w
 
 
-@cfunc(KERNEL, cache=True)
+@nb.njit(**INLINE)
+def _world_to_target(params, R, b, i):
+    """Row i of target^T R_b^T: from world to the target's axes."""
+    t0, t1, t2 = params[15 + i], params[18 + i], params[21 + i]
+    return (
+        t0 * R[b, 0, 0] + t1 * R[b, 0, 1] + t2 * R[b, 0, 2],
+        t0 * R[b, 1, 0] + t1 * R[b, 1, 1] + t2 * R[b, 1, 2],
+        t0 * R[b, 2, 0] + t1 * R[b, 2, 1] + t2 * R[b, 2, 2],
+    )
+
+
+@nb.njit(**INLINE)
+def _offset_axis(params, R, a, j):
+    """Column j of R_a offset: an axis of the offset frame in the world."""
+    t0, t1, t2 = params[3 + j], params[6 + j], params[9 + j]
+    return (
+        R[a, 0, 0] * t0 + R[a, 0, 1] * t1 + R[a, 0, 2] * t2,
+        R[a, 1, 0] * t0 + R[a, 1, 1] * t1 + R[a, 1, 2] * t2,
+        R[a, 2, 0] * t0 + R[a, 2, 1] * t1 + R[a, 2, 2] * t2,
+    )
+
+
+@nb.njit(**INLINE)
+def _dot(u, v0, v1, v2):
+    return u[0] * v0 + u[1] * v1 + u[2] * v2
+
+
+@cfunc(KERNEL, **CALLBACK)
 def _kernel(n, R_, p_, first_, prismatic_, q_, frames_, params_, r_, J_):
     R, p = carray(R_, (n + 1, 3, 3)), carray(p_, (n + 1, 3))
     first, prismatic = carray(first_, n + 1), carray(prismatic_, n)
@@ -43,20 +70,15 @@ def _kernel(n, R_, p_, first_, prismatic_, q_, frames_, params_, r_, J_):
     for i in range(3):
         r[i] -= params[12 + i]
     # E = target^T R_b^T R_a offset; its quaternion's vector part, doubled, is the rotation error in the target frame
-    E = np.empty((3, 3))
-    D = np.empty((3, 3))  # target^T R_b^T: from world to the target's axes
-    for i in range(3):
-        for j in range(3):
-            D[i, j] = 0.0
-            for k in range(3):
-                D[i, j] += params[15 + 3 * k + i] * R[b, j, k]
-    for i in range(3):
-        for j in range(3):
-            E[i, j] = 0.0
-            for k in range(3):
-                m = R[a, k, 0] * params[3 + j] + R[a, k, 1] * params[6 + j] + R[a, k, 2] * params[9 + j]
-                E[i, j] += D[i, k] * m
-    x, y, z, w = _quaternion(E[0, 0], E[0, 1], E[0, 2], E[1, 0], E[1, 1], E[1, 2], E[2, 0], E[2, 1], E[2, 2])
+    d0, d1, d2 = _world_to_target(params, R, b, 0), _world_to_target(params, R, b, 1), _world_to_target(params, R, b, 2)
+    x0, x1, x2 = _offset_axis(params, R, a, 0)
+    y0, y1, y2 = _offset_axis(params, R, a, 1)
+    z0, z1, z2 = _offset_axis(params, R, a, 2)
+    x, y, z, w = _quaternion(
+        _dot(d0, x0, x1, x2), _dot(d0, y0, y1, y2), _dot(d0, z0, z1, z2),
+        _dot(d1, x0, x1, x2), _dot(d1, y0, y1, y2), _dot(d1, z0, z1, z2),
+        _dot(d2, x0, x1, x2), _dot(d2, y0, y1, y2), _dot(d2, z0, z1, z2),
+    )  # fmt: skip
     r[3], r[4], r[5] = 2.0 * x, 2.0 * y, 2.0 * z
     for side in range(2):
         frame = a if side == 0 else b
@@ -64,10 +86,8 @@ def _kernel(n, R_, p_, first_, prismatic_, q_, frames_, params_, r_, J_):
         for k in range(first[frame], frame):
             if prismatic[k] == 1:
                 continue
-            z0, z1, z2 = R[k + 1, 0, 2], R[k + 1, 1, 2], R[k + 1, 2, 2]
-            o0 = sign * (D[0, 0] * z0 + D[0, 1] * z1 + D[0, 2] * z2)
-            o1 = sign * (D[1, 0] * z0 + D[1, 1] * z1 + D[1, 2] * z2)
-            o2 = sign * (D[2, 0] * z0 + D[2, 1] * z1 + D[2, 2] * z2)
+            z0, z1, z2 = sign * R[k + 1, 0, 2], sign * R[k + 1, 1, 2], sign * R[k + 1, 2, 2]
+            o0, o1, o2 = _dot(d0, z0, z1, z2), _dot(d1, z0, z1, z2), _dot(d2, z0, z1, z2)
             # quaternion rate of a rotation velocity o given on the left: (w o + o x v) / 2
             J[3, k] += w * o0 + o1 * z - o2 * y
             J[4, k] += w * o1 + o2 * x - o0 * z

@@ -3,11 +3,11 @@
 import numpy as np
 from numba import carray, cfunc
 
-from hmap_core.komo.features.base import KERNEL, Feature
+from hmap_core.komo.features.base import CALLBACK, KERNEL, Feature
 from hmap_core.komo.features.relative import relative_point
 
 
-@cfunc(KERNEL, cache=True)
+@cfunc(KERNEL, **CALLBACK)
 def _kernel(n, R_, p_, first_, prismatic_, q_, frames_, params_, r_, J_):
     R, p = carray(R_, (n + 1, 3, 3)), carray(p_, (n + 1, 3))
     first, prismatic = carray(first_, n + 1), carray(prismatic_, n)

@@ -2,11 +2,11 @@
 
 import numba as nb
 
-from hmap_core.collision.gjk import OPTIONS
+from hmap_core.collision.gjk import INLINE
 from hmap_core.kinematics.tree import point_jacobian
 
 
-@nb.njit(**OPTIONS, forceinline=True)
+@nb.njit(**INLINE)
 def relative_point(R, p, first, prismatic, a, b, x, y, z, r, J):
     """Writes R_b^T (p_a + R_a (x, y, z) - p_b) to r[:3], m, and adds its derivative to J (.., n).
 
@@ -27,7 +27,7 @@ def relative_point(R, p, first, prismatic, a, b, x, y, z, r, J):
         point_jacobian(R, p, first, prismatic, b, x0, x1, x2, d0, d1, d2, -1.0, J[i])
 
 
-@nb.njit(**OPTIONS, forceinline=True)
+@nb.njit(**INLINE)
 def relative_axis(R, first, prismatic, a, b, x, y, z, r, J, row):
     """The same of R_b^T R_a (x, y, z), for an axis, in the rows from ``row`` of r and J."""
     v0 = R[a, 0, 0] * x + R[a, 0, 1] * y + R[a, 0, 2] * z

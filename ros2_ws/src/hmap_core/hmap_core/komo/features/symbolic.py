@@ -29,7 +29,7 @@ from numba.extending import intrinsic
 
 from hmap_core.compile_cache import cache_root, source_hash
 from hmap_core.exceptions import InputError
-from hmap_core.komo.features.base import KERNEL, MAX_DIM, MAX_FRAMES, Feature
+from hmap_core.komo.features.base import CALLBACK, KERNEL, MAX_DIM, MAX_FRAMES, Feature
 
 FLAGS = ("-O2", "-fPIC", "-shared", "-fno-fast-math")
 COMPILER_TIMEOUT = 60.0  # s
@@ -77,7 +77,7 @@ def _integers(typingctx, address):
     return types.CPointer(types.int64)(types.int64), codegen
 
 
-@cfunc(KERNEL, cache=True)
+@cfunc(KERNEL, **CALLBACK)
 def _kernel(n, R_, p_, first_, prismatic_, q_, frames_, params_, r_, J_):
     R, p = carray(R_, (n + 1, 3, 3)), carray(p_, (n + 1, 3))
     first, prismatic = carray(first_, n + 1), carray(prismatic_, n)
@@ -85,21 +85,23 @@ def _kernel(n, R_, p_, first_, prismatic_, q_, frames_, params_, r_, J_):
     about = carray(_integers(frames[0]), _SIZE)
     dim, count = about[_DIM], about[_FRAMES]
     r, J, params = carray(r_, dim), carray(J_, (dim, n)), carray(params_, about[_PARAMS])
-    # all memory is this call's own, so threads do not meet
-    poses, wrench = np.empty(_POSE * count), np.empty(dim * _WRENCH * count)
-    arguments, results = np.zeros(about[_ARGUMENTS], np.int64), np.zeros(about[_RESULTS], np.int64)
-    integers, reals = np.empty(about[_INTEGERS] + 1, np.int64), np.empty(about[_REALS] + 1)
+    # all memory is this call's own, so threads do not meet; numbers of 8 bytes, one after the other
+    reals = (_POSE + dim * _WRENCH) * count
+    integers = reals + about[_REALS]
+    arguments = integers + about[_INTEGERS]
+    results = arguments + about[_ARGUMENTS]
+    room = np.empty(results + about[_RESULTS])
+    at, pointers = room.ctypes.data, room.view(np.int64)
+    poses, wrench = room[: _POSE * count], room[_POSE * count : reals]
     for f in range(count):
         a = frames[1 + f]
         for i in range(3):
             poses[_POSE * f + i] = p[a, i]
             for j in range(3):
                 poses[_POSE * f + 3 + 3 * i + j] = R[a, i, j]
-    arguments[0], arguments[1] = poses.ctypes.data, params.ctypes.data
-    results[0], results[1] = r.ctypes.data, wrench.ctypes.data
-    failed = _call_generated(
-        about[_CODE], arguments.ctypes.data, results.ctypes.data, integers.ctypes.data, reals.ctypes.data
-    )
+    pointers[arguments], pointers[arguments + 1] = at, params.ctypes.data
+    pointers[results], pointers[results + 1] = r.ctypes.data, at + 8 * _POSE * count
+    failed = _call_generated(about[_CODE], at + 8 * arguments, at + 8 * results, at + 8 * integers, at + 8 * reals)
     if failed != 0:
         for d in range(dim):
             r[d] = np.nan
@@ -109,14 +111,14 @@ def _kernel(n, R_, p_, first_, prismatic_, q_, frames_, params_, r_, J_):
             z0, z1, z2 = R[k + 1, 0, 2], R[k + 1, 1, 2], R[k + 1, 2, 2]
             x0, x1, x2 = p[a, 0] - p[k + 1, 0], p[a, 1] - p[k + 1, 1], p[a, 2] - p[k + 1, 2]
             for d in range(dim):
-                at = (d * count + f) * _WRENCH
-                f0, f1, f2 = wrench[at], wrench[at + 1], wrench[at + 2]
+                own = (d * count + f) * _WRENCH
+                f0, f1, f2 = wrench[own], wrench[own + 1], wrench[own + 2]
                 if prismatic[k] == 1:
                     J[d, k] += z0 * f0 + z1 * f1 + z2 * f2
                 else:
-                    J[d, k] += z0 * (x1 * f2 - x2 * f1 + wrench[at + 3])
-                    J[d, k] += z1 * (x2 * f0 - x0 * f2 + wrench[at + 4])
-                    J[d, k] += z2 * (x0 * f1 - x1 * f0 + wrench[at + 5])
+                    J[d, k] += z0 * (x1 * f2 - x2 * f1 + wrench[own + 3])
+                    J[d, k] += z1 * (x2 * f0 - x0 * f2 + wrench[own + 4])
+                    J[d, k] += z2 * (x0 * f1 - x1 * f0 + wrench[own + 5])
 
 
 def _derive(name: str, expression: Expression, frames: int, params: int) -> casadi.Function:
