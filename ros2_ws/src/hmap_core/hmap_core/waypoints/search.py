@@ -157,7 +157,7 @@ def search_bounds(problem: ObjectPathProblem, checker: ObjectChecker) -> np.ndar
         return np.asarray(problem.bounds, float)
     ends = np.array([problem.start[:3], problem.goal[:3]])
     near = np.array([ends.min(0) - SEARCH_REACH, ends.max(0) + SEARCH_REACH])
-    room = checker.radius + problem.margin
+    room = checker.radius + checker.margin
     points = [ends.min(0) - room, ends.max(0) + room]
     for lower, upper in zip(checker.obstacles.lower, checker.obstacles.upper, strict=True):
         points += [lower - room, upper + room]
