@@ -1,6 +1,7 @@
 """Imports go one way, and the planner knows no ROS. The order of the layers is that of docs and CONTRIBUTING.md."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -37,6 +38,7 @@ LAYERS = (
     {"__main__"},
 )
 # The judge must not share the planner's models, so that an error in them cannot hide.
+PLANNING = {"kinematics", "collision", "komo", "validation", "waypoints", "contacts", "execution", "planner"}
 JUDGE_MAY_IMPORT = {"exceptions", "validation"}
 
 
@@ -136,6 +138,20 @@ def test_judge_is_independent():
             known = {name for name in core_imports(path) if layer_of(name) is not None}
             wrong += [f"{path.name} imports {name}" for name in known - JUDGE_MAY_IMPORT]
     assert not wrong
+
+
+def test_the_planner_knows_no_task():
+    """What a task needs is in its file; no name of one that comes with hmap, and no word of such a name, is in the code."""
+    tasks = (SOURCES / "hmap_scenes" / "hmap_scenes" / "tasks").rglob("*.yaml")
+    names = {name for task in tasks for name in (task.stem, task.stem.split("_")[0])}
+    word = re.compile(rf"\b({'|'.join(sorted(names))})\b", re.IGNORECASE)
+    found = {
+        f"{path.relative_to(SOURCES)}: {match.group()}"
+        for path in files("hmap_core")
+        if module_of(path) in PLANNING
+        for match in word.finditer(path.read_text(encoding="utf-8"))
+    }
+    assert not found
 
 
 def test_checker_sees_what_it_should(tmp_path):

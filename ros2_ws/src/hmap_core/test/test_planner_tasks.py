@@ -1,6 +1,7 @@
 """Real plans: a box past a wall, the tunnels, and what is said when there is no plan."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,12 +10,15 @@ from planner_fixtures import carry
 from hmap_core.exceptions import Code, ContactError, HmapError, InputError, PlannerError
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import plan
-from hmap_core.scenes import load_scene
+from hmap_core.scenes import list_tasks, load_scene
 from hmap_core.transforms import distance
 from hmap_core.types import SegmentKind
 from hmap_core.validation import check
 
 TIME_LIMIT = 120.0  # s; a busy machine is slow
+LONG = 600.0  # s
+TUNNELS = ("tunnel", "published/tunnel")
+IMPOSSIBLE = ("published/bookshelf_unchanged",)
 
 
 def assert_solves(made, kind: SegmentKind) -> None:
@@ -113,10 +117,36 @@ def test_time_limit_and_cancel_reach_the_real_backend(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("task, kind", [("tunnel", SegmentKind.GRASP), ("published/tunnel", SegmentKind.TOUCH)])
+@pytest.mark.parametrize("task, kind", zip(TUNNELS, (SegmentKind.GRASP, SegmentKind.TOUCH), strict=True))
 def test_the_tunnels_are_planned(task, kind):
     made = plan(load_scene(task, 0), seed=0, time_limit=TIME_LIMIT)
     assert_solves(made, kind)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", [name for name in list_tasks() if name not in (*TUNNELS, *IMPOSSIBLE)])
+def test_every_task_that_comes_with_hmap_is_planned(task):
+    made = plan(load_scene(task, 0), seed=0, time_limit=LONG)
+    report = check(to_dict(made))
+    assert report.valid, report.violations[:3]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", IMPOSSIBLE)
+def test_what_cannot_be_reached_is_told(task):
+    with pytest.raises(HmapError) as error:
+        plan(load_scene(task, 0), seed=0, time_limit=LONG)
+    assert error.value.code == Code.OUT_OF_REACH
+
+
+@pytest.mark.slow
+def test_the_example_of_the_docs_is_planned():
+    scene = load_scene(str(Path(__file__).resolve().parents[4] / "docs" / "examples" / "hook.yaml"), 0)
+    made = plan(scene, seed=0, time_limit=LONG)
+    report = check(to_dict(made))
+    assert report.valid, report.violations[:3]
+    assert any(s.manipulator == "hook" and s.object == "box" for s in made.segments)
+    assert made.stats["removals"] == 3
 
 
 @pytest.mark.slow
