@@ -141,7 +141,7 @@ def test_judge_is_independent():
 
 
 def test_the_planner_knows_no_task():
-    """What a task needs is in its file; no name of one that comes with hmap, and no word of such a name, is in the code."""
+    """What a task needs is in its file: no name of one that comes with hmap, nor its first word, is in the code."""
     tasks = (SOURCES / "hmap_scenes" / "hmap_scenes" / "tasks").rglob("*.yaml")
     names = {name for task in tasks for name in (task.stem, task.stem.split("_")[0])}
     word = re.compile(rf"\b({'|'.join(sorted(names))})\b", re.IGNORECASE)
