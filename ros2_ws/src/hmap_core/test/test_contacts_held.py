@@ -9,7 +9,7 @@ from hmap_core.contacts.access import accessible
 from hmap_core.contacts.camera import Cloud
 from hmap_core.contacts.candidates import CONTACT_GAP, Hand, Situation
 from hmap_core.contacts.facets import facets, held_facets, placed
-from hmap_core.contacts.hold import GRAVITY, turning_share
+from hmap_core.contacts.hold import GRAVITY, pad_balance, turning_share
 from hmap_core.contacts.push import push_reach
 from hmap_core.contacts.sampler import sample_contacts
 from hmap_core.contacts.solids import solids
@@ -128,3 +128,19 @@ def test_the_weight_beside_the_grip_uses_up_the_friction_of_the_pads():
         ContactKind.GRASP, from_rpy((0.04, 0, 0), (np.pi, 0, np.pi / 2)), np.zeros(3), up, 0.06, FORWARD_UP
     )
     assert turning_share(BRICK, [across], GRIPPER, up)[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_pad_over_an_edge_is_uneven():
+    def grasp(x):
+        T = from_rpy((x, 0.0, 0.02), (np.pi, 0.0, 0.0))  # pads along x
+        return ContactPoint(
+            ContactKind.GRASP, T, np.array([x, 0.03, 0.02]), np.array([0.0, 1.0, 0.0]), 0.06, FORWARD_UP
+        )
+
+    half = GRIPPER.pad_half_width
+    even = pad_balance(BRICK, [grasp(x) for x in (0.0, 0.05 - half, 0.05 - half / 2, 0.05 - 1e-3)], GRIPPER)
+    assert even[0] == even[1] == 1.0
+    assert 0.3 < even[2] <= 0.5
+    assert even[3] <= 0.11
+    push = ContactPoint(ContactKind.PUSH, IDENTITY, np.zeros(3), np.array([0, 1.0, 0]), 0.0, FORWARD_UP)
+    assert pad_balance(BRICK, [push], GRIPPER).tolist() == [1.0]

@@ -9,11 +9,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from hmap_core.collision.convex import convex_set
-from hmap_core.transforms import rotation_matrix
+from hmap_core.contacts.access import on_face
+from hmap_core.contacts.solids import solids
+from hmap_core.transforms import IDENTITY, rotation_matrix
 from hmap_core.types import Body, ContactKind, ContactPoint, Gripper, HeldBody
 from hmap_core.waypoints.support import centre_of_mass
 
 GRAVITY = 9.81  # m/s^2
+# steps in which the face under a pad is looked at, from its edge inwards
+_STEPS = np.linspace(1.0, 0.0, 11)
 
 
 def turning_share(body: Body, contacts: Sequence[ContactPoint], gripper: Gripper, up: np.ndarray) -> np.ndarray:
@@ -45,3 +49,27 @@ def pushing_share(held: HeldBody, gripper: Gripper, body: Body, contacts: Sequen
         moment = np.cross(contact.point - contact.T_obj_ee[:3], force * contact.normal) @ closing
         share[k] = abs(moment) / capacity
     return share
+
+
+def pad_balance(body: Body, contacts: Sequence[ContactPoint], gripper: Gripper) -> np.ndarray:
+    """How evenly (K,) each grasp's pads lie on the object: 1 when as much of it is on either side of the pad's middle.
+
+    0 when one side of the pad hangs over an edge. Contacts that are no grasps are even.
+    """
+    even = np.ones(len(contacts))
+    own = [k for k, contact in enumerate(contacts) if contact.kind == ContactKind.GRASP]
+    if not own:
+        return even
+    grasps = [contacts[k] for k in own]
+    across = np.array([rotation_matrix(c.T_obj_ee)[:, 0] for c in grasps])
+    normals = np.array([c.normal for c in grasps])
+    middle = np.array([c.T_obj_ee[:3] for c in grasps])
+    depth = np.einsum("ni,ni->n", np.array([c.point for c in grasps]) - middle, normals)
+    points = middle + depth[:, None] * normals
+    solid = solids([(shape, IDENTITY) for shape in body.shapes])
+    sides = [
+        on_face(points, normals, sign * gripper.pad_half_width * across, _STEPS, *solid.arrays) for sign in (-1.0, 1.0)
+    ]
+    wide = np.maximum(*sides)
+    even[own] = np.where(wide > 0.0, np.minimum(*sides) / np.where(wide > 0.0, wide, 1.0), 0.0)
+    return even

@@ -12,7 +12,7 @@ from hmap_core.contacts.camera import Cloud, visible_points
 from hmap_core.contacts.candidates import Situation
 from hmap_core.contacts.feasibility import feasible_contacts, reach_bounds, reachable
 from hmap_core.contacts.hand import hand_of
-from hmap_core.contacts.hold import pushing_share, turning_share
+from hmap_core.contacts.hold import pad_balance, pushing_share, turning_share
 from hmap_core.contacts.proposer import NoProposer, Proposer
 from hmap_core.contacts.sampler import sample_contacts
 from hmap_core.contacts.solids import solids
@@ -34,6 +34,7 @@ STRETCH_WEIGHT = 0.7  # share of a contact's worth that is lost when the arm is 
 SCORE_WEIGHT = 0.1  # poses of the path that one point of a contact's score is worth
 ACCESS = 0.002  # m of room before a place of the surface that an arm without fingers, or a tool, needs
 LIFTED = 0.001  # m that a path has to rise for the object to be lifted
+PAD_BALANCE = 0.5  # of a finger's pad on an object: the narrower side of its middle to the wider
 PHYSICAL_MARGIN = 0.01  # m round an object's path, where there is room: what is pushed strays
 TURNING_SHARE = 0.7  # of the friction against turning in the hand that weight or pushing may use
 HOLDS_TRIED = 16  # holds on a tool for which an arm is asked
@@ -241,6 +242,9 @@ class LocalBackend:
                 if hand.held is not None and scene.mode == TaskMode.PHYSICAL:
                     share = pushing_share(hand.held, placed.model.gripper, body, batch)
                     batch = [c for c, used in zip(batch, share, strict=True) if used <= TURNING_SHARE]
+                elif hand.gripper is not None:
+                    even = pad_balance(body, batch, hand.gripper)
+                    batch = [c for c, share in zip(batch, even, strict=True) if share >= PAD_BALANCE]
                 yield batch
                 if total >= MAX_CANDIDATES:
                     break
