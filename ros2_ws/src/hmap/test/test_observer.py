@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hmap.conversions import scene_to_message, state_to_message
-from hmap.supervision.drift import drifted
+
 from hmap.supervision.follower import LOST_POSITION, Follower
 from hmap.supervision.observer import REST_PERIOD, Observer
 from hmap_core.exceptions import Code, ExecutionError, InputError

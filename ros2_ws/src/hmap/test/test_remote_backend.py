@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hmap.conversions import path_to_response
+from hmap.remote_backend import RosBackend
 from hmap.requests import error_from_message
-from hmap.supervision.backend import RosBackend
 from hmap_core.scenes import load_scene
 from hmap_core.waypoints import NoObjectPath, ObjectPath
 from hmap_msgs.srv import PlanWaypoints

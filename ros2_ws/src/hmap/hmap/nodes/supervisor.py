@@ -14,8 +14,8 @@ from visualization_msgs.msg import MarkerArray
 from hmap.conversions import known_object, plan_to_message
 from hmap.naming import Naming
 from hmap.node import LATCHED, HmapNode, run
+from hmap.remote_backend import RosBackend
 from hmap.requests import Caller, time_limit
-from hmap.supervision.backend import RosBackend
 from hmap.supervision.controllers import Controllers
 from hmap.supervision.follower import Blocked, Follower
 from hmap.supervision.markers import markers_of
@@ -154,6 +154,7 @@ class Supervisor(HmapNode):
                 failures += 1
                 if error.code not in RECOVERABLE or failures > self._replans:
                     raise
+                follower.free_hands()
                 old = None
                 reason = str(error)
             self.get_logger().warning(f"{reason}; planning anew from where everything is")
