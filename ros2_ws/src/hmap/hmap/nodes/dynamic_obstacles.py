@@ -15,7 +15,7 @@ from hmap_core.planner.local import placed_bodies
 from hmap_core.simulation.dynamic import ObstacleSource
 from hmap_core.types import Body, Plan, Scene, SceneState
 from hmap_core.waypoints import ObjectPathProblem
-from hmap_core.waypoints.plan import find_corners
+from hmap_core.waypoints.search import find_corners
 from hmap_msgs.msg import Plan as PlanMessage
 from hmap_msgs.msg import PlannerStatus
 from hmap_msgs.srv import AddBody, GetScene, MoveBody

@@ -137,7 +137,14 @@ class Supervisor(HmapNode):
         follower = self._follower(job)
         failures, old = 0, None
         while True:
-            plan = self._plan(job, scene, follower, limit, old)
+            try:
+                plan = self._plan(job, scene, follower, limit, old)
+            except HmapError as error:
+                failures += 1
+                if failures == 1 or error.code not in NO_PLAN or failures > self._replans:
+                    raise
+                self._say(job, REPLANNING, str(error))
+                continue
             if job.goal.plan_only:
                 self._compare(job, plan.scene.goal, plan.trajectory.objects[plan.scene.goal.object][-1])
                 return

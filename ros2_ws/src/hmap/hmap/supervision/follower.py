@@ -12,7 +12,7 @@ from hmap.supervision.controllers import Command, Controllers
 from hmap.supervision.observer import Observer
 from hmap_core import transforms
 from hmap_core.exceptions import Code, ExecutionError, MotionError
-from hmap_core.execution.drift import drift_reason
+from hmap_core.execution.drift import DriftTolerance, drift_reason
 from hmap_core.execution.halt import Halt, halt
 from hmap_core.execution.measured import planned_poses, upright
 from hmap_core.execution.stretches import Stretch, check_executable, index_at, joint_trajectory, stretches
@@ -318,14 +318,25 @@ class Follower:
 
     def _watch_drift(self, plan: Plan, sample: int) -> None:
         """Raises ExecutionError where the rest of the plan is of no use, with free hands."""
-        planned = planned_poses(plan, sample)
         _, state = self._observer.state(STATE_PATIENCE)
-        if drift_reason(planned, state.poses) is None:
+        if _drift(plan, sample, state) is None:
             return
-        reason = drift_reason(planned, self._observer.settled(STATE_PATIENCE).poses)
+        reason = _drift(plan, sample, self._observer.settled(STATE_PATIENCE))
         if reason is not None:
             self.free_hands()
             raise ExecutionError(reason, Code.GOAL_MISSED)
+
+
+def _drift(plan: Plan, sample: int, state: SceneState) -> str | None:
+    """What is too far off the plan; the goal's object may be as far off as in the end, once it is there."""
+    planned, goal, now = planned_poses(plan, sample), plan.scene.goal, plan.trajectory.time[sample]
+    if not any(s.object == goal.object and s.start >= now - SAME_TIME for s in plan.segments):
+        del planned[goal.object]
+        allowed = DriftTolerance(*plan.scene.execution_tolerance)
+        reason = drift_reason({goal.object: goal.pose}, state.poses, allowed)
+        if reason is not None:
+            return reason
+    return drift_reason(planned, state.poses)
 
 
 def _with_way_there(plan: Plan, robot: str, stretch: Stretch, halted: Halt) -> JointTrajectory:
