@@ -54,7 +54,7 @@ class Blocked(ExecutionError):
         at: planned time (s) up to which the object went its way.
     """
 
-    default_code = Code.GOAL_MISSED
+    default_code = Code.WAY_BLOCKED
 
     def __init__(self, conflict: Conflict, at: float):
         super().__init__(f"{conflict.body!r} is in the way of {conflict.what!r} at {conflict.time:.2f} s of the plan")
