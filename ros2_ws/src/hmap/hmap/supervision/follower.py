@@ -328,9 +328,16 @@ class Follower:
 
 
 def _drift(plan: Plan, sample: int, state: SceneState) -> str | None:
-    """What is too far off the plan; the goal's object may be as far off as in the end, once it is there."""
+    """What is too far off the plan.
+
+    The goal's object may be as far off as in the end, once the plan leaves it alone; a tool in any way, once nothing
+    more is done with it.
+    """
     planned, goal, now = planned_poses(plan, sample), plan.scene.goal, plan.trajectory.time[sample]
-    if not any(s.object == goal.object and s.start >= now - SAME_TIME for s in plan.segments):
+    ahead = [segment for segment in plan.segments if segment.start >= now - SAME_TIME]
+    for tool in tools_used(plan) - {segment.manipulator for segment in ahead}:
+        del planned[tool]
+    if not any(segment.object == goal.object for segment in ahead):
         del planned[goal.object]
         allowed = DriftTolerance(*plan.scene.execution_tolerance)
         reason = drift_reason({goal.object: goal.pose}, state.poses, allowed)
