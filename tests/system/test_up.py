@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from hmap.launcher.session import SERVICES
+from hmap.launcher.session import POLL, SERVICES, Session
 from hmap_core.cli import main
 
-START = 15.0  # s for a single node to be up
+START = 120.0  # s for a single node to be up on a busy machine
 LIMIT = 400.0  # s on a busy machine
 RECORDED = {
     "/joint_states": "sensor_msgs/msg/JointState",
@@ -144,8 +144,11 @@ def test_one_node_runs_in_the_foreground_until_sigint():
     node = subprocess.Popen(
         command("run", "waypoint_planner", "--ros-args", "-r", "__ns:=/cell"), stderr=subprocess.PIPE, text=True
     )
-    time.sleep(START)
-    assert node.poll() is None
+    with Session() as session:
+        until = time.monotonic() + START
+        while "/cell/plan_waypoints" not in dict(session.node.get_service_names_and_types()):
+            assert node.poll() is None and time.monotonic() < until
+            time.sleep(POLL)
     node.send_signal(signal.SIGINT)
     _, err = node.communicate(timeout=LIMIT)
     assert node.returncode == 0

@@ -12,10 +12,12 @@ from builtin_interfaces.msg import Time
 from hmap_core import plan_file
 from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import Code, InputError
+from hmap_core.kinematics.arm import load_arm
 from hmap_core.planner.interfaces import RobotContact, SegmentMotion
 from hmap_core.scenes import scene_from_text, scene_to_text
 from hmap_core.scenes.fields import NAME_PATTERN
 from hmap_core.scenes.resources import resolve
+from hmap_core.transforms import multiply
 from hmap_core.types import (
     Body,
     BodyKind,
@@ -103,6 +105,8 @@ def state_to_message(
 def state_from_message(scene: Scene, message: msg.WorldState) -> SceneState:
     """The state of every robot and body of a scene; joints are matched by name.
 
+    What a robot of the scene holds is no body of it, and is where the hand is.
+
     Raises:
         ConversionError: NaN, a quaternion that is not normalised, a wrong size.
         InputError: a robot or body is not in the scene, or one of the scene is missing.
@@ -116,7 +120,18 @@ def state_from_message(scene: Scene, message: msg.WorldState) -> SceneState:
         if sorted(given) != sorted(wanted):
             raise InputError(f"the joints of {name!r} are {', '.join(given)}; they must be {', '.join(wanted)}")
         q[name] = fields["q"][name][[given.index(joint) for joint in wanted]]
-    return SceneState(q, fields["gripper"], fields["poses"])
+    return SceneState(q, fields["gripper"], fields["poses"] | _in_hands(scene, q))
+
+
+def _in_hands(scene: Scene, q: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """What robots hold -> its pose T_world_body (7,)."""
+    poses = {}
+    for name, robot in scene.robots.items():
+        held = robot.model.held
+        if held is not None:
+            T_world_ee = multiply(robot.base_pose, load_arm(robot.model).end_effector(q[name]))
+            poses[held.name] = multiply(T_world_ee, held.T_ee_body)
+    return poses
 
 
 def _same_names(what: str, given, known, code: Code) -> None:

@@ -15,13 +15,14 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException, ParameterException
-from rclpy.executors import Executor, ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
 from hmap.environment import ros_environment
+from hmap.spinning import Spinner
 from hmap_core.exceptions import HmapError
 from hmap_msgs_py.checks import ConversionError
 from hmap_msgs_py.errors import error_to_message
@@ -128,6 +129,12 @@ class HmapNode(Node):
         else:
             self.get_logger().error(f"{name}: {''.join(traceback.format_exception(error))}")
 
+    def callback_failed(self, error: Exception) -> None:
+        """Log what a callback raised that nothing guards, and let a moment pass, as it may come again at once."""
+        if not self.stopping.is_set():
+            self.get_logger().error(f"{''.join(traceback.format_exception(error))}")
+            self.stopping.wait(RETRY_PERIOD)
+
     def _publish_diagnostics(self) -> None:
         level, text, values = self._status
         status = DiagnosticStatus(
@@ -139,14 +146,6 @@ class HmapNode(Node):
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
-
-
-class DrainedExecutor(MultiThreadedExecutor):
-    """rclpy's executor does not wait for callbacks under way when it is shut down; this one can."""
-
-    def drain(self) -> None:
-        """Wait for them; to be called once it does not spin any more."""
-        self._executor.shutdown(wait=True)
 
 
 def run(make_node: Callable[[], HmapNode], args: list[str] | None = None) -> int:
@@ -174,29 +173,13 @@ def run(make_node: Callable[[], HmapNode], args: list[str] | None = None) -> int
         traceback.print_exc()
         rclpy.shutdown()
         return NO
-    executor = DrainedExecutor(THREADS) if node.waits else SingleThreadedExecutor()
+    executor = MultiThreadedExecutor(THREADS) if node.waits else SingleThreadedExecutor()
     executor.add_node(node)
-    spinner = threading.Thread(target=_spin, args=(executor, node), name="executor")
-    spinner.start()
+    spinner = Spinner(executor, node.callback_failed)
     node.started()
     stop.wait()
     node.close()
-    executor.shutdown()
-    spinner.join()
-    if isinstance(executor, DrainedExecutor):
-        executor.drain()
+    spinner.stop()
     node.destroy_node()
     rclpy.shutdown()
     return YES
-
-
-def _spin(executor: Executor, node: HmapNode) -> None:
-    while not node.stopping.is_set():
-        try:
-            executor.spin()
-        except ExternalShutdownException:
-            return
-        except Exception as error:  # of one callback; the others go on
-            if not node.stopping.is_set():
-                node.get_logger().error(f"{error!r}\n{traceback.format_exc()}")
-                node.stopping.wait(RETRY_PERIOD)

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from hmap.conversions import scene_to_message, state_to_message
-from hmap.supervision.drift import drifted
 from hmap.supervision.follower import LOST_POSITION, Follower
 from hmap.supervision.observer import REST_PERIOD, Observer
 from hmap_core.exceptions import Code, ExecutionError, InputError
 from hmap_core.scenes import load_scene
 from hmap_core.simulation.dynamic import sphere
+from hmap_core.types import Plan, Segment, SegmentKind, Trajectory
 from hmap_msgs.msg import BodyArray
 from hmap_msgs_py.bodies import body_to_message
 from hmap_msgs_py.times import time_to_message
@@ -157,8 +157,22 @@ def test_waiting_for_a_change_ends_when_it_is_canceled(scene):
 
 @pytest.mark.parametrize(("shift", "expected"), [(0.009, None), (0.011, "11.0 mm")])
 def test_what_is_off_the_plan_between_two_contacts_is_told(scene, shift, expected):
-    _, plan = follower_and_plan(scene, None, 0.0)
-    state = scene.start_state()
-    state.poses[OBJECT] = state.poses[OBJECT] + np.eye(7)[0] * shift
-    reason = drifted(plan, 0, state)
-    assert (reason is None) if expected is None else (expected in reason and OBJECT in reason)
+    observer, tell = observer_at(scene, 2.0)
+    thread = tell_later(observer, tell, [(2.1, shift), (2.1 + 1.1 * REST_PERIOD, shift)])
+    tell(1.9, shift)
+    follower, _ = follower_and_plan(scene, observer, 0.0)
+    trajectory = Trajectory(
+        np.zeros(1),
+        {name: robot.q[None] for name, robot in scene.robots.items()},
+        {name: np.zeros(1) for name in scene.robots},
+        {OBJECT: scene.bodies[OBJECT].pose[None]},
+    )
+    to_come = Segment(0.0, 1.0, "panda_1", "panda_hand", OBJECT, SegmentKind.PUSH)
+    plan = Plan(scene, trajectory, (to_come,), np.zeros((0, 7)), {})
+    if expected is None:
+        follower._watch_drift(plan, 0)
+    else:
+        with pytest.raises(ExecutionError, match=f"{OBJECT}.*{expected}") as caught:
+            follower._watch_drift(plan, 0)
+        assert caught.value.code is Code.GOAL_MISSED
+    thread.join()

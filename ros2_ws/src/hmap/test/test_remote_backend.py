@@ -1,15 +1,51 @@
 """What the planners' services answer reaches Algorithm 1 as it would from a direct call, failures included."""
 
+from functools import partial
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from hmap.conversions import path_to_response
+from hmap.conversions import path_to_response, state_from_message, state_to_message
+from hmap.nodes.contact_proposer import ContactProposer
+from hmap.nodes.komo_optimiser import KomoOptimiser
+from hmap.nodes.waypoint_planner import WaypointPlanner
+from hmap.remote_backend import RosBackend
 from hmap.requests import error_from_message
-from hmap.supervision.backend import RosBackend
+from hmap_core.contacts.feasibility import MAX_SOLVED
+from hmap_core.kinematics.arm import load_arm
+from hmap_core.plan_file import to_dict
+from hmap_core.planner import LocalBackend, plan
+from hmap_core.planner.motion import scene_holding
 from hmap_core.scenes import load_scene
+from hmap_core.transforms import multiply, pose
+from hmap_core.types import BodyKind, ContactKind, ContactPoint
+from hmap_core.validation import check
 from hmap_core.waypoints import NoObjectPath, ObjectPath
 from hmap_msgs.srv import PlanWaypoints
 from hmap_msgs_py.errors import error_to_message
+
+LIMIT = 30.0  # s, of a request that names none
+PLANNING = 120.0  # s on a busy machine
+PUSH_OUT = """
+schema: 1
+description: Push a box out of a tunnel with a stick.
+mode: physical
+motion: planar
+fixed:
+  table: {shape: box, size: [2, 2, 0.1], pose: {xyz: [0, 0, 0]}}
+  left: {shape: box, size: [0.30, 0.03, 0.10], pose: {xyz: [0.0, 0.455, 0.10]}}
+  right: {shape: box, size: [0.30, 0.03, 0.10], pose: {xyz: [0.0, 0.345, 0.10]}}
+  roof: {shape: box, size: [0.30, 0.14, 0.03], pose: {xyz: [0.0, 0.40, 0.165]}}
+movable:
+  crate: {shape: box, size: [0.10, 0.06, 0.06], pose: {xyz: [0.03, 0.40, 0.08]}, mass: 0.2, friction: 0.5}
+tools:
+  stick: {shape: box, size: [0.40, 0.04, 0.04], pose: {xyz: [0.40, 0.25, 0.07]}, mass: 0.2}
+  cube: {shape: box, size: [0.05, 0.05, 0.05], pose: {xyz: [0.30, 0.10, 0.075]}, mass: 0.1}
+robots:
+  arm: {model: panda, base: {xyz: [0.3, -0.2, 0.05], rpy_deg: [0, 0, 90]}}
+goal: {object: crate, pose: {xyz: [-0.10, 0.40, 0.08]}}
+"""
 
 
 class Answering:
@@ -51,3 +87,61 @@ def test_what_blocks_and_the_path_without_it_come_over_the_service():
 def test_without_a_path_in_the_answer_there_is_none():
     error = asked(blocked())
     assert error.free_without == ("crate",) and error.path_without is None
+
+
+class Serving:
+    """Stands in for the caller of services: asks what the nodes serve in this process, by messages."""
+
+    def __init__(self):
+        parts = SimpleNamespace(_backend=LocalBackend(), _time_limit=LIMIT, _count=40, _remote=self)
+        self._handlers = {
+            "plan_waypoints": partial(WaypointPlanner._plan, parts),
+            "propose_contacts": partial(ContactProposer._propose, parts),
+            "check_contacts": partial(KomoOptimiser._check, parts),
+            "solve_segment": partial(KomoOptimiser._solve, parts),
+        }
+        self.sent: list[int] = []  # candidates in every check of contacts
+
+    def call(self, service, name, request, limit):
+        response = service.Response()
+        if name == "check_contacts":
+            self.sent.append(len(request.contacts))
+        self._handlers[name](request, response)
+        return response
+
+
+@pytest.fixture(scope="module")
+def pushed_out(tmp_path_factory):
+    """A plan made over services for a task that needs a tool, and who served them."""
+    file = tmp_path_factory.mktemp("push_out") / "push_out.yaml"
+    file.write_text(PUSH_OUT)
+    caller = Serving()
+    return plan(load_scene(str(file)), seed=1, backend=RosBackend(caller), time_limit=PLANNING), caller
+
+
+def test_a_tool_is_taken_used_and_put_back_over_services(pushed_out):
+    found, _ = pushed_out
+    assert check(to_dict(found)).valid
+    assert [s.object for s in found.segments if s.manipulator == "stick"] == ["crate"]
+    way = found.trajectory.objects["stick"]
+    assert np.abs(way - way[0]).max() > 0.1
+    np.testing.assert_allclose(way[-1], way[0], atol=1e-3)
+
+
+def test_only_contacts_that_the_hand_alone_allows_are_sent_to_be_checked(pushed_out):
+    _, caller = pushed_out
+    assert caller.sent and 0 < max(caller.sent) <= MAX_SOLVED
+
+
+def test_what_a_robot_holds_is_where_its_hand_is():
+    scene = load_scene("tunnel_tool", 0)
+    state = scene.start_state()
+    robot = next(iter(scene.robots))
+    tool = next(name for name, body in scene.bodies.items() if body.kind is BodyKind.TOOL)
+    T_tool_ee = pose((0.0, 0.0, 0.1), (1.0, 0.0, 0.0, 0.0))
+    grip = ContactPoint(ContactKind.GRASP, T_tool_ee, np.zeros(3), np.eye(3)[1], 0.02, np.eye(3)[2])
+    holding = scene_holding(scene, robot, tool, grip, state.poses[tool])
+    arrived = state_from_message(holding, state_to_message(holding, state))
+    placed = scene.robots[robot]
+    T_world_ee = multiply(placed.base_pose, load_arm(placed.model).end_effector(state.q[robot]))
+    np.testing.assert_allclose(multiply(arrived.poses[tool], T_tool_ee), T_world_ee, atol=1e-9)

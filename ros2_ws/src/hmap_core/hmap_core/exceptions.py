@@ -38,6 +38,7 @@ class Code(IntEnum):
     TRACKING_LOST = 600
     GOAL_MISSED = 601
     OBJECT_DROPPED = 602
+    WAY_BLOCKED = 603
     # anything else
     INTERNAL = 900
 

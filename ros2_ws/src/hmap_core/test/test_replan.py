@@ -7,6 +7,7 @@ import pytest
 from planner_fixtures import carry
 
 from hmap_core import planner, transforms
+from hmap_core.exceptions import Code, ContactError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import LocalBackend
@@ -136,6 +137,32 @@ def test_a_hand_that_stops_while_it_carries_lets_go_and_plans_on(plan):
     new = planner.plan(plan.scene, state=state, backend=backend)
     assert backend.kept["paths"] == 1 and backend.kept["contacts"] >= 1
     assert check(to_dict(new)).valid
+
+
+class OnlyChecks(LocalBackend):
+    """Checks contacts, and cannot look for others."""
+
+    def propose_contacts(self, *request):
+        raise ContactError("nothing is looked for", Code.NO_CONTACT)
+
+
+@pytest.mark.parametrize(("length", "kept"), [(0.1, 1), (2.0, 0)])
+def test_on_another_path_the_old_contact_is_taken_up_where_it_serves(plan, length, kept):
+    made = contacts(plan)[0]
+    k = (made.begin + made.end) // 2
+    state = state_at(plan, k)
+    state.q["arm"] = plan.scene.robots["arm"].model.home.copy()
+    start = state.poses["brick"]
+    poses = transforms.interpolate(start, start + np.eye(7)[0] * length, np.linspace(0.0, 1.0, 21))
+    backend = KeepingBackend(OnlyChecks(), plan, plan.scene.bodies, float(plan.trajectory.time[k]))
+    request = plan.scene, state, "brick", poses, ("arm",), None, 10, 0, 10.0
+    if kept:
+        found = backend.propose_contacts(*request)
+        np.testing.assert_allclose(found[0].contact.T_obj_ee, made.segment.contact_pose)
+        assert found[0].reach >= 10 and len(found[0].keyframes) == found[0].reach + 1
+    with pytest.raises(ContactError):  # once
+        backend.propose_contacts(*request)
+    assert backend.kept["contacts"] == kept
 
 
 def test_a_hand_round_the_object_goes_back_as_it_came(plan):

@@ -209,6 +209,18 @@ def test_gripper_stalls_on_what_it_holds():
     assert hand.result.effort == 40.0 and (opening, force) == (0.0, panda_model().gripper.force)
 
 
+def test_a_gripper_whose_fingers_tremble_stalls_and_one_that_moves_does_not():
+    step, count = 0.01, int(STALL_TIME / 0.01) + 2
+    trembling, moving = gripper(), gripper()
+    for hand in (trembling, moving):
+        hand.start(0.0)
+    for k in range(count):
+        trembling.update(k * step, 0.06 + 5e-5 * (k % 2), 0.01 * (k % 2))
+        moving.update(k * step, 0.06 - 1e-4 * k, -0.01)
+    assert trembling.outcome is Outcome.STALLED
+    assert moving.active
+
+
 def test_canceled_gripper_stays_where_it_is():
     hand = gripper()
     hand.start(0.0)

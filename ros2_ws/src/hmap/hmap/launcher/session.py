@@ -5,10 +5,11 @@ import time
 from collections.abc import Callable
 
 import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from hmap.action_client import ActionClient
+from hmap.spinning import Spinner
 from hmap_core.exceptions import Code, PlannerError
 from hmap_msgs.action import Manipulate
 from hmap_msgs.msg import PlannerStatus, WorldState
@@ -34,24 +35,16 @@ class Session:
         self._client = ActionClient(self.node, Manipulate, "manipulate")
         self._has_state = threading.Event()
         self.node.create_subscription(WorldState, "world_state", lambda _: self._has_state.set(), 1)
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self.node)
-        self._thread = threading.Thread(target=self._spin, name="session", daemon=True)
-        self._thread.start()
+        executor = SingleThreadedExecutor()
+        executor.add_node(self.node)
+        self._spinner = Spinner(executor, lambda error: self.node.get_logger().error(repr(error)))
         return self
 
     def __exit__(self, *_) -> None:
-        self._executor.shutdown()
-        self._thread.join()
+        self._spinner.stop()
         self._client.destroy()
         self.node.destroy_node()
         rclpy.shutdown()
-
-    def _spin(self) -> None:
-        try:
-            self._executor.spin()
-        except ExternalShutdownException:
-            pass
 
     def forget_state(self) -> None:
         """Take perception for not ready until it publishes a state again."""

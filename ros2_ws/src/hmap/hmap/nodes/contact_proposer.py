@@ -6,45 +6,29 @@ import time
 from hmap.conversions import (
     cloud_from_message,
     contact_to_message,
-    feasible_contact,
     known_object,
     known_robots,
-    scene_to_message,
-    state_to_message,
 )
 from hmap.node import HmapNode, run
+from hmap.remote_backend import RosBackend
 from hmap.requests import Caller, scene_and_state, time_limit
 from hmap_core.planner import LocalBackend
 from hmap_core.types import Scene
-from hmap_msgs.srv import CheckContacts, ProposeContacts
-from hmap_msgs_py.contacts import contact_to_message as candidate_to_message
-from hmap_msgs_py.poses import poses_from_messages, poses_to_messages
-
-MAX_SEED = 2**31 - 1
+from hmap_msgs.srv import ProposeContacts
+from hmap_msgs_py.poses import poses_from_messages
 
 
 class RemoteFeasibility(LocalBackend):
-    """Proposes contacts here and has them checked by ``check_contacts``."""
+    """Proposes contacts here and has those that the hand alone allows checked by ``check_contacts``."""
 
     def __init__(self, caller: Caller, limit: float):
         super().__init__()
-        self._remote, self._until = caller, time.monotonic() + limit
+        self._remote, self._until = RosBackend(caller), time.monotonic() + limit
 
     def check_contacts(self, scene: Scene, state, object, object_poses, robot, contacts, rng):
-        if not len(contacts):
-            return []
-        request = CheckContacts.Request(
-            scene=scene_to_message(scene),
-            world=state_to_message(scene, state),
-            object=object,
-            contacts=[candidate_to_message(contact, robot, object) for contact in contacts],
-            object_poses=poses_to_messages(object_poses),
-            seed=int(rng.integers(MAX_SEED)),
-        )
+        contacts = self.promising_contacts(scene, state, object, object_poses, robot, contacts)
         left = max(0.0, self._until - time.monotonic())
-        response = self._remote.call(CheckContacts, "check_contacts", request, left)
-        results = zip(contacts, response.results, strict=True)
-        return [feasible_contact(scene, robot, contact, result) for contact, result in results if result.feasible]
+        return self._remote.check_contacts(scene, state, object, object_poses, robot, contacts, rng, left)
 
 
 class ContactProposer(HmapNode):

@@ -15,7 +15,8 @@ from hmap_core.planner.local import placed_bodies
 from hmap_core.simulation.dynamic import ObstacleSource
 from hmap_core.types import Body, Plan, Scene, SceneState
 from hmap_core.waypoints import ObjectPathProblem
-from hmap_core.waypoints.plan import find_corners
+from hmap_core.waypoints.checker import check_ends
+from hmap_core.waypoints.search import find_corners
 from hmap_msgs.msg import Plan as PlanMessage
 from hmap_msgs.msg import PlannerStatus
 from hmap_msgs.srv import AddBody, GetScene, MoveBody
@@ -122,6 +123,7 @@ class DynamicObstacles(HmapNode):
         start, goal = state.poses[name], scene.goal.pose
         problem = ObjectPathProblem(scene.bodies[name], start, goal, (*others, body), scene.motion)
         try:
+            check_ends(problem)
             return find_corners(problem, np.random.default_rng(0), PATH_LIMIT) is not None
         except InputError:
             return False

@@ -14,8 +14,8 @@ from visualization_msgs.msg import MarkerArray
 from hmap.conversions import known_object, plan_to_message
 from hmap.naming import Naming
 from hmap.node import LATCHED, HmapNode, run
+from hmap.remote_backend import RosBackend
 from hmap.requests import Caller, time_limit
-from hmap.supervision.backend import RosBackend
 from hmap.supervision.controllers import Controllers
 from hmap.supervision.follower import Blocked, Follower
 from hmap.supervision.markers import markers_of
@@ -137,7 +137,14 @@ class Supervisor(HmapNode):
         follower = self._follower(job)
         failures, old = 0, None
         while True:
-            plan = self._plan(job, scene, follower, limit, old)
+            try:
+                plan = self._plan(job, scene, follower, limit, old)
+            except HmapError as error:
+                failures += 1
+                if failures == 1 or error.code not in NO_PLAN or failures > self._replans:
+                    raise
+                self._say(job, REPLANNING, str(error))
+                continue
             if job.goal.plan_only:
                 self._compare(job, plan.scene.goal, plan.trajectory.objects[plan.scene.goal.object][-1])
                 return
@@ -154,6 +161,7 @@ class Supervisor(HmapNode):
                 failures += 1
                 if error.code not in RECOVERABLE or failures > self._replans:
                     raise
+                follower.free_hands()
                 old = None
                 reason = str(error)
             self.get_logger().warning(f"{reason}; planning anew from where everything is")

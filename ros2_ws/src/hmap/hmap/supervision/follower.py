@@ -9,22 +9,23 @@ import numpy as np
 
 from hmap.supervision.clock import StretchClock
 from hmap.supervision.controllers import Command, Controllers
-from hmap.supervision.drift import drifted
 from hmap.supervision.observer import Observer
 from hmap_core import transforms
-from hmap_core.exceptions import Code, ExecutionError
+from hmap_core.exceptions import Code, ExecutionError, MotionError
+from hmap_core.execution.drift import DriftTolerance, drift_reason
 from hmap_core.execution.halt import Halt, halt
+from hmap_core.execution.measured import planned_poses, upright
 from hmap_core.execution.stretches import Stretch, check_executable, index_at, joint_trajectory, stretches
 from hmap_core.planner.conflicts import Conflict, first_conflict, unknown_bodies
 from hmap_core.planner.interruption import (
     back_to,
     clear_sample,
     contact_at,
-    contacts,
     good_until,
     release,
     stable_sample,
 )
+from hmap_core.planner.put_back import grip_at, put_back, tools_used
 from hmap_core.planner.replan import KeptSegment
 from hmap_core.simulation.controllers import JointTrajectory
 from hmap_core.types import Body, BodyKind, Plan, SceneState
@@ -40,6 +41,7 @@ LEAD = 0.15  # s of real time that a command takes at most to reach its controll
 TOLD = 0.01  # rad that joints may be from where they were told to be for that to count as their place
 BACK_OFF = 0.2  # s of the plan before a place too near to a new body to which a hand goes back
 SAME_TIME = 1e-6  # s
+PUT_BACK_LIMIT = 20.0  # s to plan how a tool is put back
 
 OnProgress = Callable[[float, float, str], None]  # planned time now and at the end (s), what is done
 
@@ -52,7 +54,7 @@ class Blocked(ExecutionError):
         at: planned time (s) up to which the object went its way.
     """
 
-    default_code = Code.GOAL_MISSED
+    default_code = Code.WAY_BLOCKED
 
     def __init__(self, conflict: Conflict, at: float):
         super().__init__(f"{conflict.body!r} is in the way of {conflict.what!r} at {conflict.time:.2f} s of the plan")
@@ -84,6 +86,8 @@ class Follower:
         self._controllers, self._observer, self._canceled = controllers, observer, canceled
         self._on_stop = on_stop
         self._told: dict[str, np.ndarray] = {}  # robot -> where its joints were sent last
+        self._held: dict[str, str] = {}  # robot -> what it grips
+        self._at: tuple[Plan, int] | None = None  # what was followed, and up to which sample
 
     def follow(self, plan: Plan, on_progress: OnProgress) -> None:
         """Execute a plan from its start to its end.
@@ -97,33 +101,70 @@ class Follower:
         """
         check_executable(plan)
         time = plan.trajectory.time
+        self._on_progress = on_progress
         self._openings: dict[str, float] = {}
-        self._held: dict[str, str] = {}
+        self._held = {}
         self._watched: Mapping[str, Body] | None = None
         self._until: tuple[float, Conflict] | None = None
-        breaks = [contact.last for contact in contacts(plan)][:-1]
-        for stretch in stretches(plan):
+        self._at = (plan, 0)
+        tools, moved = tools_used(plan), False
+        pieces = stretches(plan)
+        for stretch in pieces:
             on_progress(float(time[stretch.first]), float(time[-1]), stretch.label)
             clock = StretchClock(plan, stretch, {})
             try:
                 self._look(plan, clock)
                 if self._until is not None and time[stretch.first] >= self._until[0] - SAME_TIME:
-                    raise Blocked(self._until[1], float(time[stretch.first]))
+                    conflict = self._until[1]
+                    self.free_hands()
+                    raise Blocked(conflict, float(time[stretch.first]))
                 self._grip(plan, stretch, clock)
                 self._move(plan, stretch)
             except _Stop as stop:
                 self._on_stop(f"{stop.conflict.body!r} is in the way of {stop.conflict.what!r}")
                 at = getattr(stop, "at", float(time[stretch.first]))
                 raise Blocked(stop.conflict, self._leave(plan, at)) from None
-            self._watch(plan, stretch.last, stretch.last in breaks)
+            self._at = (plan, stretch.last)
+            self._watch(plan, stretch.last)
+            if set(stretch.touched) - tools:
+                moved = True
+            elif moved and (stretch.free or stretch.held) and stretch is not pieces[-1]:
+                self._watch_drift(plan, stretch.last)
+                moved = False
 
     def told(self, state: SceneState) -> SceneState:
-        """The state with the joints where they were told to be, so that what starts there starts without a jump."""
+        """The state with the joints where they were told to be, so that what starts there starts without a jump.
+
+        What is as high and as upright as planned, but for noise, is so.
+        """
         state = state.copy()
+        if self._at is not None:
+            for name, planned in planned_poses(*self._at).items():
+                if name in state.poses:
+                    state.poses[name] = upright(state.poses[name], planned)
         for robot, q in self._told.items():
             if robot in state.q and np.abs(q - state.q[robot]).max() <= TOLD:
                 state.q[robot] = q.copy()
         return state
+
+    def free_hands(self) -> None:
+        """Put back the tools that are in hands; open what holds something else, or where that cannot be done."""
+        if self._at is None:
+            return
+        plan, sample = self._at
+        tools = tools_used(plan)
+        for robot, body in dict(self._held).items():
+            grip = grip_at(plan, robot, body, sample) if body in tools else None
+            try:
+                if grip is None:
+                    raise MotionError(f"{body!r} in the hand of {robot!r} is no tool that was taken")
+                state = self.told(self._observer.settled(STATE_PATIENCE))
+                way = put_back(self._observer.scene(), state, grip, 0, PUT_BACK_LIMIT)
+            except MotionError:
+                gripper = plan.scene.robots[robot].model.gripper
+                self._open(plan, robot, gripper.open_opening)
+                continue
+            self.follow(way, self._on_progress)
 
     # what comes in the way
 
@@ -158,6 +199,10 @@ class Follower:
 
     def _leave(self, plan: Plan, at: float) -> float:
         """Let the hand come free of the object; the planned time (s) up to which the object went its way."""
+        if set(self._held.values()) & tools_used(plan):
+            self._at = (plan, index_at(plan.trajectory.time, at))
+            self.free_hands()
+            return at
         contact = contact_at(plan, at)
         if contact is None:
             return at
@@ -263,15 +308,42 @@ class Follower:
         self._told[robot] = np.array(motion.positions[-1])
         return self._controllers.move(plan.scene, robot, motion, start)
 
-    def _watch(self, plan: Plan, sample: int, between_contacts: bool = False) -> None:
+    def _watch(self, plan: Plan, sample: int) -> None:
+        """Raises ExecutionError where something is lost."""
         _, state = self._observer.state(STATE_PATIENCE)
-        if _lost(plan, sample, state) or (between_contacts and drifted(plan, sample, state)):
+        if _lost(plan, sample, state):
             state = self._observer.settled(STATE_PATIENCE)  # that state may be of before the end of the stretch
         for reason in _lost(plan, sample, state):
             raise ExecutionError(reason, Code.OBJECT_DROPPED)
-        reason = drifted(plan, sample, state) if between_contacts else None
+
+    def _watch_drift(self, plan: Plan, sample: int) -> None:
+        """Raises ExecutionError where the rest of the plan is of no use, with free hands."""
+        _, state = self._observer.state(STATE_PATIENCE)
+        if _drift(plan, sample, state) is None:
+            return
+        reason = _drift(plan, sample, self._observer.settled(STATE_PATIENCE))
         if reason is not None:
+            self.free_hands()
             raise ExecutionError(reason, Code.GOAL_MISSED)
+
+
+def _drift(plan: Plan, sample: int, state: SceneState) -> str | None:
+    """What is too far off the plan.
+
+    The goal's object may be as far off as in the end, once the plan leaves it alone; a tool in any way, once nothing
+    more is done with it.
+    """
+    planned, goal, now = planned_poses(plan, sample), plan.scene.goal, plan.trajectory.time[sample]
+    ahead = [segment for segment in plan.segments if segment.start >= now - SAME_TIME]
+    for tool in tools_used(plan) - {segment.manipulator for segment in ahead}:
+        del planned[tool]
+    if not any(segment.object == goal.object for segment in ahead):
+        del planned[goal.object]
+        allowed = DriftTolerance(*plan.scene.execution_tolerance)
+        reason = drift_reason({goal.object: goal.pose}, state.poses, allowed)
+        if reason is not None:
+            return reason
+    return drift_reason(planned, state.poses)
 
 
 def _with_way_there(plan: Plan, robot: str, stretch: Stretch, halted: Halt) -> JointTrajectory:

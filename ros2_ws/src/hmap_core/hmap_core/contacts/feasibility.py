@@ -65,12 +65,7 @@ def feasible_contacts(
     ``release`` (M,) says at which poses the object may be let go. Stops when ``enough`` were found and none that is
     left could serve farther than the best of them.
     """
-    bound = reach_bounds(manipulation, contacts, object_poses)
-    allowed = np.flatnonzero(release)
-    # the last pose up to the bound at which the object stands by itself
-    last = np.append(allowed, -1)[np.searchsorted(allowed, bound, side="right") - 1]
-    bound = np.where(bound >= 0, np.where(last <= bound, last, -1), -1)
-    order = [k for k in np.lexsort((np.arange(len(contacts)), -bound)) if bound[k] >= least][:MAX_SOLVED]
+    order, bound = promising(manipulation, contacts, object_poses, release, least)
     found: list[Feasible] = []
     for first in range(0, len(order), CHUNK):
         chunk = order[first : first + CHUNK]
@@ -84,6 +79,27 @@ def feasible_contacts(
             if len(keyframes) > least:
                 found.append(Feasible(int(k), keyframes))
     return found
+
+
+def promising(
+    manipulation: Manipulation,
+    contacts: Sequence[ContactPoint],
+    object_poses: np.ndarray,
+    release: np.ndarray,
+    least: int,
+) -> tuple[list[int], np.ndarray]:
+    """The contacts worth asking an arm for, by the hand alone: their indices, and how far each of all (K,) could serve.
+
+    At most MAX_SOLVED, the farthest-reaching first; none of them ends before pose ``least`` of object_poses (M, 7), nor
+    where ``release`` (M,) says that the object may not be let go.
+    """
+    bound = reach_bounds(manipulation, contacts, object_poses)
+    allowed = np.flatnonzero(release)
+    # the last pose up to the bound at which the object stands by itself
+    last = np.append(allowed, -1)[np.searchsorted(allowed, bound, side="right") - 1]
+    bound = np.where(bound >= 0, np.where(last <= bound, last, -1), -1)
+    order = np.lexsort((np.arange(len(contacts)), -bound))
+    return [int(k) for k in order if bound[k] >= least][:MAX_SOLVED], bound
 
 
 def reach_bounds(manipulation: Manipulation, contacts: Sequence[ContactPoint], object_poses: np.ndarray) -> np.ndarray:

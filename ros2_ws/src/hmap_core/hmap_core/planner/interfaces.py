@@ -107,6 +107,13 @@ class Backend(Protocol):
         """
         ...
 
+    def check_contacts(
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, robot: str,
+        contacts: Sequence[ContactPoint], rng: np.random.Generator,
+    ) -> list[RobotContact]:  # fmt: skip
+        """The feasible ones of a robot's contacts, with how far along object_poses (M, 7) they serve."""
+        ...
+
     def solve_segment(
         self, scene: Scene, state: SceneState, object: str, contact: RobotContact, object_poses: np.ndarray, seed: int,
         time_limit: float,

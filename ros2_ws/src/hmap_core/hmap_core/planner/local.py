@@ -10,7 +10,7 @@ import numpy as np
 from hmap_core.contacts.access import accessible
 from hmap_core.contacts.camera import Cloud, visible_points
 from hmap_core.contacts.candidates import Situation
-from hmap_core.contacts.feasibility import feasible_contacts, reach_bounds, reachable
+from hmap_core.contacts.feasibility import feasible_contacts, promising, reach_bounds, reachable
 from hmap_core.contacts.hand import hand_of
 from hmap_core.contacts.hold import pad_balance, pushing_share, turning_share
 from hmap_core.contacts.proposer import NoProposer, Proposer
@@ -45,6 +45,11 @@ MIN_REACH = 2  # poses a contact has to serve, unless the path is shorter
 def placed_bodies(scene: Scene, state: SceneState, without: str) -> tuple[Body, ...]:
     """All bodies but one, where they are now."""
     return tuple(replace(b, pose=state.poses[name]) for name, b in scene.bodies.items() if name != without)
+
+
+def least_reach(object_poses: np.ndarray) -> int:
+    """Index of the pose, of object_poses (M, 7), that a contact has to reach at least."""
+    return min(MIN_REACH, len(object_poses) - 1)
 
 
 class LocalBackend:
@@ -86,13 +91,10 @@ class LocalBackend:
         informed = self.proposer.propose(state, scene, object, object_poses)
         found: list[RobotContact] = []
         looked_at = 0
-        lifted = np.max(object_poses[:, 2]) > object_poses[0, 2] + LIFTED
         for name in robots or scene.robots:
             sampled = self._sampled(scene, state, object, object_poses, name, cloud, rng)
             for batch in chain([informed] if informed else [], sampled):
                 looked_at += len(batch)
-                if lifted:
-                    batch = self._gripped(scene, object, name, batch, object_poses[0])
                 feasible = self.check_contacts(scene, state, object, object_poses, name, batch, rng)
                 found += feasible
                 if feasible or time.monotonic() > deadline:
@@ -119,15 +121,43 @@ class LocalBackend:
 
         The other robots are thought of at home; where they are not, they have to go there first (``clear``).
         """
+        contacts = self._holding(scene, object, object_poses, robot, contacts)
         if not contacts:
             return []
         manipulation, away = self._cleared(scene, state, object, robot)
-        release = standing(scene.bodies[object], object_poses, placed_bodies(scene, state, object))
-        least = min(MIN_REACH, len(object_poses) - 1)
+        release, least = self._release(scene, state, object, object_poses), least_reach(object_poses)
         return [
             RobotContact(robot, contacts[f.index], len(f.keyframes) - 1, f.keyframes, away)
             for f in feasible_contacts(manipulation, contacts, object_poses, release, rng, least, ENOUGH)
         ]
+
+    def promising_contacts(
+        self,
+        scene: Scene,
+        state: SceneState,
+        object: str,
+        object_poses: np.ndarray,
+        robot: str,
+        contacts: Sequence[ContactPoint],
+    ) -> list[ContactPoint]:
+        """The candidates that :meth:`check_contacts` would ask the arm for, in that order: a cheap first choice."""
+        contacts = self._holding(scene, object, object_poses, robot, contacts)
+        if not contacts:
+            return []
+        manipulation, _ = self._cleared(scene, state, object, robot)
+        release = self._release(scene, state, object, object_poses)
+        order, _ = promising(manipulation, contacts, object_poses, release, least_reach(object_poses))
+        return [contacts[k] for k in order]
+
+    def _holding(self, scene: Scene, object: str, object_poses, robot: str, contacts) -> list[ContactPoint]:
+        """The contacts that hold an object along its poses (M, 7), on which it may be lifted."""
+        if np.max(object_poses[:, 2]) <= object_poses[0, 2] + LIFTED or not contacts:
+            return list(contacts)
+        return self._gripped(scene, object, robot, contacts, object_poses[0])
+
+    def _release(self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray) -> np.ndarray:
+        """At which of its poses (M, 7) an object may be let go (M,)."""
+        return standing(scene.bodies[object], object_poses, placed_bodies(scene, state, object))
 
     def solve_segment(
         self,
@@ -153,7 +183,7 @@ class LocalBackend:
         """
         deadline = time.monotonic() + time_limit
         rng = np.random.default_rng(seed)
-        least = min(MIN_REACH, len(object_poses) - 1)
+        least = least_reach(object_poses)
         found: list[tuple[Grip, int]] = []
         pairs = [
             (tool, robot)

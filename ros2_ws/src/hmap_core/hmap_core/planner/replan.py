@@ -38,6 +38,7 @@ SAME_JOINT = 1e-3  # rad: so does a robot
 SAME_OPENING = 1e-3  # m: so does a gripper
 ALIKE = 1e-3  # m, rad between two poses that mean the same place
 STANDS = 0.005  # m; a hand that moves less after a contact does not leave it
+SERVES = 0.5  # of the poses ahead that an old contact has to serve to be taken up on another path
 PATH_MARGIN = 0.002  # m the object keeps from bodies that the plan does not know
 
 
@@ -90,11 +91,14 @@ class KeepingBackend:
             at: planned time (s) up to which it was followed.
         """
         self._backend, self._plan = backend, plan
+        self.grips, self.take, self.put_down = backend.grips, backend.take, backend.put_down
+        self.check_contacts = backend.check_contacts
         self._new = unknown_bodies(plan, bodies)
         self._at = index_at(plan.trajectory.time, at)
         self._object = plan.scene.goal.object
         segments = kept_segments(plan, self._object)
         self._segments = [segment for segment in segments if segment.end > self._at]
+        self._by_hand = [kept for kept in segments if not self._with_tool(kept)]
         self._path_offered = False
         self._used: set[bytes] = set()  # poses at which old contacts were offered
         self._chosen: dict[int, KeptSegment] = {}  # id of an offered contact -> where it is from
@@ -126,7 +130,8 @@ class KeepingBackend:
     ) -> list[RobotContact]:
         """The old plan's contact at this place, once; else as the backend says.
 
-        Where the old contact is of no more use, the backend is first asked for one that ends where the old one did, as
+        Where the old contact is of no more use as it was, the old ones are checked for the poses ahead, as checking a
+        few is faster than looking for others. Then the backend is asked for one that ends where the old one did, as
         the contacts after it may still be good.
         """
 
@@ -134,7 +139,7 @@ class KeepingBackend:
             return self._backend.propose_contacts(scene, state, object, poses, robots, cloud, count, seed, time_limit)
 
         place = object_poses[0].tobytes()
-        if object != self._object or place in self._used:
+        if object != self._object or place in self._used or any(scene.robots[r].model.held for r in robots):
             return ask(object_poses)
         self._used.add(place)
         here = self._kept_here(object_poses)
@@ -142,6 +147,10 @@ class KeepingBackend:
         if found is not None and found.robot in (robots or scene.robots):
             self.kept["contacts"] += 1
             return [found]
+        known = self._known(scene, state, object_poses, robots or tuple(scene.robots), seed)
+        if known:
+            self.kept["contacts"] += 1
+            return known
         if here:
             try:
                 return ask(object_poses[: here[1] + 1])
@@ -199,10 +208,15 @@ class KeepingBackend:
 
     # contacts
 
+    def _with_tool(self, kept: KeptSegment) -> bool:
+        return kept.segment.manipulator in self._plan.scene.bodies
+
     def _kept_here(self, object_poses: np.ndarray) -> tuple[KeptSegment, int] | None:
         """The old contact at the object's present pose, and the index of the pose where it ended."""
         rows = self._plan.trajectory.objects[self._object]
         for kept in self._segments:
+            if self._with_tool(kept):
+                continue
             moved, turned = transforms.distance(rows[max(kept.begin, self._at)], object_poses[0])
             if moved > NEAR or turned > NEAR_TURN:
                 continue
@@ -226,6 +240,17 @@ class KeepingBackend:
         homes = {name: placed.model.home for name, placed in scene.robots.items() if name != robot}
         clear = tuple(name for name, home in homes.items() if not np.allclose(state.q[name], home))
         return RobotContact(robot, contact, len(nearest) - 1, q[nearest], clear)
+
+    def _known(self, scene: Scene, state: SceneState, object_poses, robots, seed: int) -> list[RobotContact]:
+        """The old contacts that carry the object far enough along its poses (M, 7), the farthest-reaching first."""
+        rng = np.random.default_rng(seed)
+        found: list[RobotContact] = []
+        for robot in dict.fromkeys(kept.segment.robot for kept in self._by_hand):
+            if robot in robots:
+                points = [contact_of(self._plan, kept) for kept in self._by_hand if kept.segment.robot == robot]
+                found += self.check_contacts(scene, state, self._object, object_poses, robot, points, rng)
+        enough = SERVES * (len(object_poses) - 1)
+        return sorted((c for c in found if c.reach >= enough), key=lambda contact: -contact.reach)
 
     # motions
 

@@ -12,6 +12,7 @@ GRIPPER_TOLERANCE = 0.001  # m, of the opening reached
 GRIPPER_OVERSHOOT = 0.002  # m that a commanded opening may exceed the gripper's
 STALL_VELOCITY = 0.002  # m/s, of the opening; slower counts as standing
 STALL_TIME = 0.1  # s of standing short of the goal after which the gripper has stalled
+STALL_DISTANCE = STALL_VELOCITY * STALL_TIME  # m; fingers that tremble within it stand as well
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class GripperController:
         self.outcome: Outcome | None = None
         self._gripper = gripper
         self._opening, self._force = float(opening), gripper.force
-        self._still_since: float | None = None
+        self._still: tuple[float, float] | None = None  # since when (s), at which opening (m)
         self.result = GripperResult(self._opening, 0.0, reached=True, stalled=False)
 
     @property
@@ -64,7 +65,7 @@ class GripperController:
         if not (np.isfinite(max_effort) and max_effort >= 0.0):
             raise InputError(f"gripper effort {max_effort} N; it has to be 0 (the gripper's own) or more")
         self._opening, self._force = float(opening), max_effort or self._gripper.force
-        self._still_since = None
+        self._still = None
         self.outcome = Outcome.ACTIVE
 
     def cancel(self) -> None:
@@ -76,11 +77,11 @@ class GripperController:
     def update(self, now: float, opening: float, velocity: float, effort: float = 0.0) -> tuple[float, float]:
         """Opening (m) and force (N) to command, given the measured opening, its velocity (m/s) and effort (N)."""
         reached = abs(opening - self._opening) <= GRIPPER_TOLERANCE
-        if abs(velocity) > STALL_VELOCITY:
-            self._still_since = None
-        elif self._still_since is None:
-            self._still_since = now
-        stalled = not reached and self._still_since is not None and now - self._still_since >= STALL_TIME
+        if self._still is not None and abs(opening - self._still[1]) > STALL_DISTANCE:
+            self._still = None
+        if self._still is None and abs(velocity) <= STALL_VELOCITY:
+            self._still = (now, opening)
+        stalled = not reached and self._still is not None and now - self._still[0] >= STALL_TIME
         self.result = GripperResult(opening, effort, reached, stalled)
         if self.active and (reached or stalled):
             self.outcome = Outcome.SUCCEEDED if reached else Outcome.STALLED

@@ -1,0 +1,67 @@
+"""A tool in a hand in the middle of a plan: how it was taken, and the plan that puts it back where it was."""
+
+import numpy as np
+
+from hmap_core import transforms
+from hmap_core.execution.stretches import index_at
+from hmap_core.kinematics.arm import load_arm
+from hmap_core.planner.assembly import assemble, scene_at
+from hmap_core.planner.interfaces import Grip, RobotContact
+from hmap_core.planner.motion import put_down
+from hmap_core.types import ContactKind, ContactPoint, Plan, Scene, SceneState, Segment
+
+APPROACHED = 0.02  # m of the way to a grip that tell its direction
+
+
+def tools_used(plan: Plan) -> set[str]:
+    """The bodies with which a plan moves others."""
+    return {segment.manipulator for segment in plan.segments} & plan.scene.bodies.keys()
+
+
+def grip_at(plan: Plan, robot: str, tool: str, sample: int) -> Grip | None:
+    """The hold in which a robot has a tool in its hand at a sample of a plan; None where it has not."""
+    first = None
+    for segment in reversed([s for s in plan.segments if s.robot == robot]):
+        if index_at(plan.trajectory.time, segment.start) > sample:
+            continue
+        if not _holds(segment, tool):
+            break
+        first = segment
+    return None if first is None else _grip(plan, robot, tool, index_at(plan.trajectory.time, first.start))
+
+
+def put_back(scene: Scene, state: SceneState, grip: Grip, seed: int, time_limit: float) -> Plan:
+    """The plan in which a tool in a hand is put where it was taken, from where everything is.
+
+    Raises:
+        MotionError: NO_MOTION.
+    """
+    rng = np.random.default_rng(seed)
+    motion = put_down(scene, state, grip.contact, grip.tool, grip.T_place, rng, time_limit)
+    return assemble(scene_at(scene, state), state, [motion], np.zeros((0, 7)), {})
+
+
+def _holds(segment: Segment, tool: str) -> bool:
+    return tool in (segment.object, segment.manipulator)
+
+
+def _grip(plan: Plan, robot: str, tool: str, sample: int) -> Grip:
+    """The hold that begins at a sample; a hand leaves it in the direction from which it came."""
+    q, placed = plan.trajectory.joints[robot], plan.scene.robots[robot]
+    T_place = plan.trajectory.objects[tool][sample]
+    tips = transforms.multiply_all(placed.base_pose, load_arm(placed.model).end_effectors(q[: sample + 1]))
+    T_obj_ee = transforms.multiply(transforms.inverse(T_place), tips[-1])
+    way = tips[-1, :3] - tips[:, :3]
+    far = np.flatnonzero(np.linalg.norm(way, axis=1) >= APPROACHED)
+    approach = np.array([0.0, 0.0, 1.0])
+    if len(far):
+        approach = transforms.rotation_matrix(tips[-1]).T @ (way[far[-1]] / np.linalg.norm(way[far[-1]]))
+    contact = ContactPoint(
+        kind=ContactKind.GRASP,
+        T_obj_ee=T_obj_ee,
+        point=T_obj_ee[:3],
+        normal=-transforms.rotation_matrix(T_obj_ee) @ approach,
+        opening=float(plan.trajectory.gripper[robot][sample]),
+        approach=approach,
+    )
+    return Grip(tool, RobotContact(robot, contact, 0, q[sample][None]), T_place)
