@@ -13,6 +13,7 @@ from hmap_core.evaluation.replanning import replanner
 from hmap_core.exceptions import Code, MotionError
 from hmap_core.execution.closed_loop import execute_closed_loop
 from hmap_core.execution.execute import execute
+from hmap_core.execution.in_hand import ToolInHand
 from hmap_core.execution.stretches import stretches
 from hmap_core.planner.assembly import scene_at
 from hmap_core.types import Goal, Plan, Scene, SceneState, SegmentKind
@@ -62,7 +63,7 @@ class Replanner:
         self.states: list[SceneState] = []
         self.attempts: list[int] = []
 
-    def __call__(self, state: SceneState, attempt: int) -> Plan:
+    def __call__(self, state: SceneState, attempt: int, tools: tuple[ToolInHand, ...]) -> Plan:
         self.states.append(state)
         self.attempts.append(attempt)
         if attempt <= self.fail:
@@ -142,7 +143,7 @@ def test_a_missed_goal_is_planned_anew(regrasped):
 
 def test_a_grasp_of_nothing_is_planned_anew_with_open_fingers(regrasped):
     replan = Replanner(regrasped)
-    report = execute_closed_loop(regrasped, replan, 2, between=shift("box", (0.0, -0.09, 0), before_first_grasp))
+    report = execute_closed_loop(regrasped, replan, 2, between=shift("box", (0.0, -0.16, 0), before_first_grasp))
     assert report.solved and "without 'box' between its fingers" in report.replans[0].reason
     assert replan.states[0].gripper["left"] > 0.079
     assert replan.states[0].q["left"] != pytest.approx(HOME)

@@ -194,8 +194,7 @@ def test_fingers_close_symmetrically_and_hold_what_they_meet():
         run(world, 0.5)
         left, right = world.joint_states()["left"].positions[-2:]
         assert left == pytest.approx(right, abs=5e-4)
-        # the hulls of the fingers are 1 mm fat
-        assert world.robot("left").gripper_state()[0] == pytest.approx(0.062, abs=5e-4)
+        assert world.robot("left").gripper_state()[0] == pytest.approx(0.06, abs=5e-4)
         assert world.body_pose("block")[2] == pytest.approx(ee[2], abs=2e-3)  # held up
         fingers = {c.link_b for c in world.contacts("block") if c.b == "left"}
         assert fingers == {"panda_leftfinger", "panda_rightfinger"}

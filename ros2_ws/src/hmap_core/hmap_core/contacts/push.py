@@ -37,6 +37,9 @@ FINGER_WAYS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.05))
 HELD_WAYS = (*FINGER_WAYS, (0.0, 1.0, 0.05), (0.0, -1.0, 0.05))
 # steps by which a contact line is shortened to end on the face
 SHRINKING = np.linspace(1.0, 0.0, 11)
+# this much of a contact line is not counted on at each end, m: the object creeps along it, the pressure is uneven;
+# at most this share of half the line
+EDGE, EDGE_SHARE = 0.005, 0.4
 # vertices this near to the pushed plane touch it, m
 TOUCHING = 4 * CONTACT_GAP
 # motions that differ by less than this share of their size are one
@@ -106,15 +109,16 @@ class Slide:
         return characteristic_length(self.footprint, self.middle)
 
     def lines(self, points, normals, R, origin, feature, tip) -> tuple[np.ndarray, np.ndarray]:
-        """Lines of contact: ends (N, 2, 2) about the middle and normals (N, 2) in level axes.
+        """Lines of contact that count: ends (N, 2, 2) about the middle and normals (N, 2) in level axes.
 
-        The vertices ``tip`` (V, 3) of the pusher that are ``feature`` (N, V) lie against the face at ``points``.
+        The vertices ``tip`` (V, 3) of the pusher that are ``feature`` (N, V) lie against the face at ``points``; the
+        ends of where they do are cut off by EDGE.
         """
         flat = _leveled(normals, self.level)
         flat /= np.linalg.norm(flat, axis=1)[:, None]
         sideways = np.stack([flat[:, 1], -flat[:, 0], np.zeros(len(flat))], axis=1) @ self.level
         ends = _contact_lines(points, normals, sideways, R, origin, feature, tip, self.own)
-        return np.stack([_leveled(e, self.level) for e in ends], axis=1) - self.middle, flat
+        return _shortened(np.stack([_leveled(e, self.level) for e in ends], axis=1)) - self.middle, flat
 
     def twists(self, poses: np.ndarray) -> list[np.ndarray | None]:
         """Twists (2, 3) vx, vy, w of each step between poses (M, 7), in level axes on the object; None: no slide."""
@@ -260,6 +264,14 @@ def _contact_lines(points, normals, tangent, R, origin, feature, tip, own) -> tu
         offset = tangent * side[:, None]
         ends.append(points + offset * on_face(points, normals, offset, SHRINKING, *own.arrays)[:, None])
     return ends[0], ends[1]
+
+
+def _shortened(ends: np.ndarray) -> np.ndarray:
+    """Lines (N, 2, 2) without what is not counted on at their ends."""
+    middle = ends.mean(axis=1, keepdims=True)
+    half = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2.0
+    cut = EDGE / np.maximum(half, EDGE / EDGE_SHARE)
+    return middle + (1.0 - cut)[:, None, None] * (ends - middle)
 
 
 def _stays_upright(height, flat, footprint, middle, friction) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 from hmap_core.exceptions import Code, ExecutionError, HmapError
 from hmap_core.execution.drift import DriftTolerance, drift_reason
 from hmap_core.execution.execute import Execution, Progress
+from hmap_core.execution.in_hand import ToolInHand, tools_in_hand
 from hmap_core.execution.measured import planned_poses, planned_state, without_noise
 from hmap_core.execution.report import Deviation, ExecutionReport
 from hmap_core.execution.stretches import Stretch
@@ -16,7 +17,9 @@ from hmap_core.execution.watcher import STAY_LIMIT, planned_motion
 from hmap_core.simulation.world import SimulatedWorld
 from hmap_core.types import Plan, SceneState
 
-Replanner = Callable[[SceneState, int], Plan]  # from a state, the how-manieth new plan it is (1, 2, ...); or HmapError
+# from a state, the how-manieth new plan it is (1, 2, ...), with these tools in hands; or HmapError
+Replanner = Callable[[SceneState, int, tuple[ToolInHand, ...]], Plan]
+SLIP = DriftTolerance(0.004, float(np.deg2rad(3.0)))  # of a tool in a hand; beyond, it is let go and taken anew
 Between = Callable[[SimulatedWorld, Stretch], None]
 
 
@@ -85,9 +88,10 @@ def execute_closed_loop(
 ) -> ClosedLoopReport:
     """Execute a plan in a simulation of its own, and new plans where the world is not as planned.
 
-    It looks whenever all robots have drawn back from a contact (:attr:`Stretch.free`). A new plan is asked for when a
+    It looks whenever all robots have drawn back from a contact (:attr:`Stretch.apart`). A new plan is asked for when a
     body is off the plan, when the object misses its goal at the end, and when something slips from a gripper or blocks
-    a robot, which then stops and lets go. What fell, or should have stayed and moved, is beyond repair.
+    a robot, which then stops and lets go. The new plan begins with the tool that is in a hand, unless that has slipped
+    by more than SLIP. What fell, or should have stayed and moved, is beyond repair.
 
     Args:
         plan: to begin with.
@@ -114,6 +118,7 @@ class _ClosedLoop:
         self._on_progress: Progress | None = on_progress
         self._between: Between | None = between
         self._replans: list[Replan] = []
+        self._tools: dict[str, ToolInHand] = {}  # robot -> what it has in its hand
 
     def run(self, plan: Plan) -> ClosedLoopReport:
         plans = [plan]
@@ -137,19 +142,22 @@ class _ClosedLoop:
         Returns:
             the sample at which it stopped; the report, where it is over; why another plan is needed, or nothing.
         """
-        contact = False
+        moved = handled = False  # anything, anything but a tool since the last look
         for stretch in execution.stretches:
             try:
                 self._progress(execution.plan, stretch)
                 execution.follow(stretch)
                 if self._between:
                     self._between(self._world, stretch)
-                contact |= bool(stretch.touched)
-                if contact and stretch.free and stretch is not execution.stretches[-1] and self._may_replan:
-                    contact = False
+                moved |= bool(stretch.touched)
+                handled |= bool(stretch.touched) and not stretch.apart
+                due = (moved and stretch.free) or (handled and stretch.apart)
+                if due and stretch is not execution.stretches[-1] and self._may_replan:
+                    moved = handled = False
                     execution.settle(stretch.last)
                     reason = self._drift(execution.plan, stretch.last)
                     if reason:
+                        self._keep_tools(execution, stretch)
                         return stretch.last, None, reason
             except ExecutionError as failure:
                 return self._failed(execution, stretch, failure)
@@ -159,6 +167,7 @@ class _ClosedLoop:
         """The plan was followed to its end: another one is needed where the object missed its goal."""
         last = execution.stretches[-1]
         report = execution.report()
+        self._tools = {}
         if report.code is not Code.GOAL_MISSED or report.moved or not self._may_replan:
             return last.last, report, ""
         try:
@@ -167,11 +176,22 @@ class _ClosedLoop:
             return last.last, execution.report(late), ""
         return last.last, report, report.reason
 
+    def _keep_tools(self, execution: Execution, stretch: Stretch) -> None:
+        """Go on with the tool in a hand where it is held as planned, else let go."""
+        plan, sample = execution.plan, stretch.last
+        self._tools = tools_in_hand(plan, sample, self._tools)
+        poses = self._world.state().poses
+        planned = {name: T for name, T in planned_poses(plan, sample).items() if name in stretch.held.values()}
+        if len(stretch.held) != len(self._tools) or len(self._tools) > 1 or drift_reason(planned, poses, SLIP):
+            self._tools = {}
+            execution.let_go(stretch)
+
     def _drift(self, plan: Plan, sample: int) -> str | None:
         return drift_reason(planned_poses(plan, sample), self._world.state().poses, self._tolerance)
 
     def _failed(self, execution: Execution, stretch: Stretch, failure: ExecutionError):
         """Something went wrong in the middle: let go, unless that is no use any more."""
+        self._tools = {}
         if execution.fell or not self._may_replan:
             return stretch.last, execution.report(failure), ""
         try:
@@ -187,7 +207,7 @@ class _ClosedLoop:
             began = time.monotonic()
             following, failure = None, ""
             try:
-                following = self._replan(state, len(self._replans) + 1)
+                following = self._replan(state, len(self._replans) + 1, tuple(self._tools.values()))
             except HmapError as error:
                 failure = str(error)
             self._replans.append(Replan(self._world.time, reason, time.monotonic() - began, failure))

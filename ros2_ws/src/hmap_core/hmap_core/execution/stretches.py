@@ -6,7 +6,7 @@ import numpy as np
 
 from hmap_core.exceptions import Code, InputError
 from hmap_core.simulation.controllers import JointTrajectory
-from hmap_core.types import Plan, Segment, SegmentKind, TaskMode
+from hmap_core.types import BodyKind, Plan, Segment, SegmentKind, TaskMode
 
 REST_SHARE = 0.55  # of acceleration limit * sampling period; starting from rest the first difference is half of it
 GRIPPER_CHANGE = 1e-6  # m per sample; a smaller change of the opening counts as none
@@ -30,6 +30,7 @@ class Stretch:
     label: str
     touched: tuple[str, ...]
     free: bool
+    apart: bool
 
 
 def check_executable(plan: Plan) -> None:
@@ -95,7 +96,16 @@ def _stretch(plan: Plan, first: int, last: int) -> Stretch:
     label = ", ".join(f"{s.robot}: {s.kind} {s.object or ''}".rstrip() for s in active)
     touched = tuple(s.object for s in active if s.kind is not SegmentKind.TRANSIT)
     ended = last == len(time) - 1 or any(index_at(time, s.end) == last for s in active)
-    return Stretch(first, last, held, label, touched, free=ended and not held and not touched)
+    tools = {tool for s in active if (tool := held_tool(plan, s)) is not None}
+    apart = ended and tools.issuperset(held.values()) and tools.issuperset(touched)
+    return Stretch(first, last, held, label, touched, ended and not held and not touched, apart)
+
+
+def held_tool(plan: Plan, segment: Segment) -> str | None:
+    """The tool that the robot of a segment has in its hand, if any; the task's own object is none."""
+    body = _held_body(plan, segment)
+    is_tool = body is not None and plan.scene.bodies[body].kind is BodyKind.TOOL and body != plan.scene.goal.object
+    return body if is_tool else None
 
 
 def _held_body(plan: Plan, segment: Segment) -> str | None:

@@ -18,8 +18,8 @@ from hmap_core.planner.local import LocalBackend, placed_bodies
 from hmap_core.planner.motion import standing_collision
 from hmap_core.planner.obstruction import CONTACT_ROOM, Unhindered, in_motions, met, without
 from hmap_core.planner.sweep import motion_sweeps, object_sweep
-from hmap_core.planner.tools import holding, tools_of
-from hmap_core.transforms import inverse, multiply
+from hmap_core.planner.tools import holding, in_hand, put_back, tools_of
+from hmap_core.transforms import inverse, multiply, quaternion_multiply
 from hmap_core.types import BodyKind, Goal, Plan, Scene, SceneState, SegmentKind, TaskMode
 from hmap_core.validation import check
 from hmap_core.waypoints import NoObjectPath, ObjectPath, ObjectPathProblem, slid_first
@@ -33,7 +33,10 @@ PLACE_TIME = 2.0  # s for the path of an obstacle to one of several places
 REACH_TRIES = 2  # samplings of contacts without success, after which the goal counts as out of reach
 TOOLS_TRIED = 6  # holds on tools that are tried at one waypoint
 TRIES_WITH_TOOL = 4  # contacts tried with one hold on a tool before another hold is
+REACH_TURNS = 4  # further ones with the object turned, where it slides
+LEVEL_PATH = 1e-3  # m that a path may rise where the object slides
 GOAL_SHARE = 0.5  # of the goal's tolerance that a plan may use so that the object need not be turned
+GOAL_TURN = float(np.deg2rad(45.0))  # rad by which the goal is turned at most, where its tolerance allows it
 LEVEL = 1e-3  # rad of tilt that does not count
 GOAL_POSES = 4  # last poses of the object's path at which the goal has to be within reach
 DEFAULT_TIME_LIMIT = 60.0  # s
@@ -50,11 +53,16 @@ def unturned(goal: Goal, T_start: np.ndarray) -> Goal:
     return replace(goal, pose=np.concatenate([goal.pose[:3], T_start[3:]]))
 
 
-def _put_back(state: SceneState, grip: Grip) -> SceneState:
-    """The state in which a tool stands again where it was taken."""
-    back = state.copy()
-    back.poses[grip.tool] = grip.T_place
-    return back
+def turned(goal: Goal, share: float) -> Goal:
+    """The goal turned about the vertical by a share in [-1, 1] of GOAL_TURN, where half the tolerance allows that."""
+    if GOAL_SHARE * goal.rotation_tolerance < GOAL_TURN:
+        return goal
+    return replace(goal, pose=_about_vertical(goal.pose, share * GOAL_TURN))
+
+
+def _about_vertical(T: np.ndarray, angle: float) -> np.ndarray:
+    turn = np.array([0.0, 0.0, np.sin(0.5 * angle), np.cos(0.5 * angle)])
+    return np.concatenate([T[:3], quaternion_multiply(turn, T[3:])])
 
 
 class Planner:
@@ -69,6 +77,7 @@ class Planner:
         progress: called with a Progress whenever something new begins.
         canceled: asked between two steps; True stops the job.
         clouds: what cameras have seen of each object, in its own frame.
+        grip: on the tool that a robot has in its hand at the start.
     """
 
     def __init__(
@@ -81,9 +90,13 @@ class Planner:
         progress: ProgressCallback | None = None,
         canceled: Callable[[], bool] | None = None,
         clouds: Mapping[str, Cloud] | None = None,
+        grip: Grip | None = None,
     ):
+        if grip is not None:
+            state = in_hand(scene, scene.start_state() if state is None else state, grip)
         self.scene = scene if state is None else scene_at(scene, state)
         self.start = self.scene.start_state() if state is None else state.copy()
+        self.grip = grip
         self.backend = backend or LocalBackend()
         self.rng = np.random.default_rng(seed)
         self.began = time.monotonic()
@@ -105,7 +118,7 @@ class Planner:
         for attempt in range(WAYPOINT_ROUNDS):
             self.clearing.begun = 0
             try:
-                found = self._attempt(Errand(goal), Course(self.start), attempt)
+                found = self._attempt(Errand(goal), Course(self.start, grip=self.grip), attempt)
             except RemovalError:
                 blocked += 1
                 if blocked == BLOCKED_ROUNDS:
@@ -148,6 +161,9 @@ class Planner:
             _, known = self._unhindered(errand, course, poses, blockers)
             if known is None:
                 return self._stuck(errand, poses)
+            course = self._put_down(course)
+            if course is None:
+                return self._stuck(errand, poses)
             blockers = met(self.scene, course.state, object, poses, blockers)
             course = self.clearing.clear(errand, course, known.more_than(blockers), known.ways)
         found = self._segments(errand, course, poses, known)
@@ -163,8 +179,10 @@ class Planner:
 
     def _way(self, errand: Errand, course: Course, attempt: int) -> tuple[np.ndarray, tuple[str, ...]]:
         """Poses of the object on a path to its goal, and the removable bodies that are in its way."""
-        state = course.state
+        state = put_back(course.state, course.grip)
         goal = unturned(errand.goal, state.poses[errand.goal.object])
+        if attempt > 0 and self.scene.mode != TaskMode.KINEMATIC:  # which directions can be pushed turns along
+            goal = turned(goal, self.rng.uniform(-1.0, 1.0))
         scene = self._path_scene(errand, course, attempt)
         limit = WAYPOINT_TIME if errand.depth == 0 else PLACE_TIME
         try:
@@ -182,7 +200,7 @@ class Planner:
         if self.scene.mode == TaskMode.KINEMATIC:
             return None
         object = errand.goal.object
-        around = placed_bodies(self.scene, course.state, object)
+        around = placed_bodies(self.scene, put_back(course.state, course.grip), object)
         problem = ObjectPathProblem(self.scene.bodies[object], poses[0], poses[-1], around)
         return slid_first(problem, poses)
 
@@ -272,7 +290,7 @@ class Planner:
 
         By hand, else with the tool in the hand, else with another one. Returns (course, reach), or None.
         """
-        free = course.state if course.grip is None else _put_back(course.state, course.grip)
+        free = put_back(course.state, course.grip)
         found = self._by_contacts(object, course, self.scene, free, tuple(self.scene.robots), ahead, at, total)
         if found is None and course.grip is not None:
             scene = holding(self.scene, course.grip)
@@ -397,6 +415,7 @@ class Planner:
 
     def _check_start(self, goal: Goal) -> None:
         """No robot may stand beyond its limits or in something."""
+        scene = self.scene if self.grip is None else holding(self.scene, self.grip)
         for name, robot in self.scene.robots.items():
             q, limits = self.start.q[name], robot.model.position_limits
             for joint, value, low, high in zip(robot.model.joint_names, q, *limits, strict=True):
@@ -405,7 +424,7 @@ class Planner:
                         f"robot '{name}' starts with {joint} at {value:.4f}; allowed: {low:.4f} to {high:.4f}",
                         Code.INVALID_INPUT,
                     )
-            hit = standing_collision(self.scene, self.start, name, goal.object)
+            hit = standing_collision(scene, self.start, name, goal.object)
             if hit is not None:
                 raise InputError(
                     f"robot '{name}' starts {hit[1] * 1e3:.1f} mm inside: {' and '.join(hit[0])} overlap",
@@ -414,26 +433,36 @@ class Planner:
 
     def _check_reach(self, goal: Goal, last_poses: np.ndarray) -> None:
         """Raises ContactError when no robot could bring the object along the last poses, whatever the way there."""
-        there = self.start.copy()
+        there = put_back(self.start, self.grip).copy()
         scene = without(self.scene, self.scene.removable)
-        there.poses[goal.object] = last_poses[0]
-        for _ in range(REACH_TRIES):
+        for poses in self._ways_in(last_poses):
+            there.poses[goal.object] = poses[0]
             try:
                 self.backend.propose_contacts(
-                    scene, there, goal.object, last_poses, tuple(self.scene.robots), None, 1, self._seed(),
+                    scene, there, goal.object, poses, tuple(self.scene.robots), None, 1, self._seed(),
                     self._time_left(),
                 )  # fmt: skip
                 return
             except ContactError as error:
                 failure = error
-        if self._tool_reaches(scene, there, goal.object, last_poses):
-            return
+            if self._tool_reaches(scene, there, goal.object, poses):
+                return
         place = ", ".join(f"{v:.3f}" for v in goal.pose[:3])
         raise ContactError(
             f"the goal of '{goal.object}' at ({place}) is out of reach of {', '.join(self.scene.robots)}: "
             "no contact can bring it there",
             Code.OUT_OF_REACH,
         ) from failure
+
+    def _ways_in(self, last_poses: np.ndarray) -> list[np.ndarray]:
+        """Last poses (M, 7) of paths to the goal: the given ones, and the same with the object turned on its support.
+
+        Which directions it can be pushed in depends on how it is turned; whether hands reach the goal does not.
+        """
+        turns = [0.0] * REACH_TRIES
+        if self.scene.mode != TaskMode.KINEMATIC and np.ptp(last_poses[:, 2]) < LEVEL_PATH:
+            turns += list(self.rng.uniform(-np.pi, np.pi, REACH_TURNS))
+        return [np.array([_about_vertical(T, turn) for T in last_poses]) for turn in turns]
 
     def _tool_reaches(self, scene: Scene, state: SceneState, object: str, poses: np.ndarray) -> bool:
         """Whether some tool in some hand could bring an object along poses (M, 7)."""

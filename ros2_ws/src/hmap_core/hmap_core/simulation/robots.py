@@ -1,6 +1,8 @@
 """A robot in the physics server: its URDF, position-controlled joints, and fingers with realistic contact."""
 
+import tempfile
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pybullet
@@ -8,6 +10,7 @@ import pybullet
 from hmap_core import transforms
 from hmap_core.exceptions import InputError
 from hmap_core.simulation.client import BulletClient
+from hmap_core.simulation.finger_pads import with_pads
 from hmap_core.simulation.settings import RobotSettings
 from hmap_core.types import Robot
 
@@ -135,7 +138,9 @@ class SimulatedRobot:
     def _load(self) -> int:
         base = self.robot.base_pose
         try:
-            return self._client.loadURDF(str(self.model.urdf), base[:3].tolist(), base[3:].tolist(), useFixedBase=True)
+            with tempfile.TemporaryDirectory(prefix="hmap_urdf_") as folder:
+                urdf = with_pads(self.model, Path(folder))
+                return self._client.loadURDF(str(urdf), base[:3].tolist(), base[3:].tolist(), useFixedBase=True)
         except pybullet.error as error:
             raise InputError(f"robot '{self.robot.name}': PyBullet cannot load {self.model.urdf}: {error}") from error
 

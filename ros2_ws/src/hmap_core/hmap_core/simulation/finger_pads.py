@@ -1,0 +1,92 @@
+"""Flat pads on the inner faces of sliding fingers, as boxes.
+
+Scanned finger meshes are uneven by a tenth of a millimetre, and for contacts of their convex hulls Bullet finds normals
+that point along the face, which turn what is held and keep it from being let go. Boxes against boxes do better.
+"""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from hmap_core.kinematics.urdf import Urdf, load_urdf
+from hmap_core.transforms import rotation_matrix
+from hmap_core.types import RobotModel
+
+FACE = 3e-4  # m; vertices of a finger this near to the foremost one are of its inner face
+FULL_WIDTH = 0.9  # of the pads' half width; beyond, a vertex is at a side of the face
+THICKNESS = 0.004  # m of a pad
+RECESS = 2e-3  # m by which the hull is cut off behind the face of its pad: Bullet's hulls are 1 mm larger all round
+LEAST = 1e-3  # m; smaller faces get no pad
+
+
+def with_pads(model: RobotModel, folder: Path) -> Path:
+    """A URDF with pads on its fingers, written to a folder; the model's own where its fingers do not slide."""
+    gripper = model.gripper
+    if gripper is None or model.urdf.suffix != ".urdf":
+        return model.urdf
+    urdf = load_urdf(model.urdf)
+    pads = {link: _pad(urdf, model, link) for link in gripper.finger_links}
+    if not pads or any(pad is None for pad in pads.values()):
+        return model.urdf
+    tree = ElementTree.parse(model.urdf)
+    for mesh in tree.iter("mesh"):
+        mesh.set("filename", str(_resolved(model.urdf, mesh.get("filename"))))
+    for link in tree.getroot().findall("link"):
+        if link.get("name") in pads:
+            name = link.get("name")
+            _replace(link, urdf.hulls[name], pads[name], folder / f"{name}.obj")
+    path = folder / f"{model.name}.urdf"
+    tree.write(path)
+    return path
+
+
+def _pad(urdf: Urdf, model: RobotModel, link: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
+    """Size (3,), centre (3,), axes (3, 3) of a finger's pad, and the direction (3,) in which it opens, link frame."""
+    joint = urdf.joints.get(link)
+    if joint is None or joint.kind != "prismatic" or joint.parent != model.end_effector_link:
+        return None
+    opening = np.sign(model.gripper.per_joint) * joint.axis
+    along = rotation_matrix(joint.T_parent_joint).T @ rotation_matrix(model.T_link_ee)[:, 2]
+    axes = np.stack([np.cross(opening, along), opening, along], axis=1)
+    vertices = np.concatenate([points for points, _ in urdf.hulls[link]]) @ axes
+    inner = vertices[vertices[:, 1] <= vertices[:, 1].min() + FACE]
+    half = model.gripper.pad_half_width
+    sides = inner[np.abs(inner[:, 0]) >= FULL_WIDTH * half]
+    if not len(sides) or np.ptp(sides[:, 2]) < LEAST:
+        return None
+    low = sides[:, 2].min()
+    top = min(sides[sides[:, 0] * side > 0.0, 2].max(initial=low) for side in (1.0, -1.0))
+    if top - low < LEAST:
+        return None
+    centre = axes @ [0.0, np.median(inner[:, 1]) + THICKNESS / 2.0, (low + top) / 2.0]
+    return np.array([2.0 * half, THICKNESS, top - low]), centre, axes, opening
+
+
+def _replace(link: ElementTree.Element, hulls, pad, file: Path) -> None:
+    """Give a link its hull, cut off behind its pad and written to ``file``, and the pad as collision shapes."""
+    size, centre, axes, opening = pad
+    for collision in link.findall("collision"):
+        link.remove(collision)
+    vertices = np.concatenate([points for points, _ in hulls])
+    missing = centre @ opening - THICKNESS / 2.0 + RECESS - vertices @ opening
+    trimesh.PointCloud(vertices + np.outer(np.maximum(missing, 0.0), opening)).convex_hull.export(file)
+    hull = ElementTree.SubElement(link, "collision")
+    ElementTree.SubElement(ElementTree.SubElement(hull, "geometry"), "mesh", filename=str(file))
+    box = ElementTree.SubElement(link, "collision")
+    rpy = Rotation.from_matrix(axes).as_euler("xyz")
+    ElementTree.SubElement(box, "origin", xyz=_text(centre), rpy=_text(rpy))
+    ElementTree.SubElement(ElementTree.SubElement(box, "geometry"), "box", size=_text(size))
+
+
+def _text(numbers: np.ndarray) -> str:
+    return " ".join(f"{v:.9g}" for v in numbers)
+
+
+def _resolved(urdf: Path, name: str) -> Path:
+    """Where the file of a mesh is, as PyBullet looks for it: from the URDF's folder upwards."""
+    for prefix in ("package://", "file://"):
+        name = name.removeprefix(prefix)
+    return next((base / name for base in (urdf.parent, *urdf.parents) if (base / name).exists()), Path(name))
