@@ -10,7 +10,8 @@ from hmap_core.komo.transcription import KomoProblem
 def _one_step(problem: KomoProblem, params: np.ndarray):
     """What the compiled code takes of one-step problems with these parameters (K, N)."""
     padded = np.ascontiguousarray(np.concatenate([params, np.zeros((len(params), 1))], axis=1))
-    return problem.terms(), padded, problem.arrays(), problem.samples(), problem.options.pack()
+    terms, samples, options = problem.packed()
+    return terms, padded, problem.arrays(), samples, options
 
 
 def follow_ik(problem: KomoProblem, params: np.ndarray, start: np.ndarray, max_jump: float) -> np.ndarray:

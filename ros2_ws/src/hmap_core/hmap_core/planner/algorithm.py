@@ -1,7 +1,7 @@
 """Algorithm 1: waypoints, contacts, motions, and what happens when one of them fails."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 
@@ -47,6 +47,12 @@ def unturned(goal: Goal, T_start: np.ndarray) -> Goal:
     if angle > GOAL_SHARE * goal.rotation_tolerance or tilt > LEVEL:
         return goal
     return replace(goal, pose=np.concatenate([goal.pose[:3], T_start[3:]]))
+
+
+def nearest_first(scene: Scene, object: str, state: SceneState, robots: Sequence[str]) -> tuple[str, ...]:
+    """Robots in the order in which they should be asked for contacts on an object: the nearest first."""
+    place = state.poses[object][:2]
+    return tuple(sorted(robots, key=lambda name: float(np.linalg.norm(scene.robots[name].base_pose[:2] - place))))
 
 
 def _put_back(state: SceneState, grip: Grip) -> SceneState:
@@ -281,6 +287,7 @@ class Planner:
     def _by_contacts(self, object: str, course, scene: Scene, state: SceneState, robots, ahead, at, total, contacts=()):
         """Contacts in a scene, in which a robot may hold a tool, until one gives a motion; those given come first."""
         tries, ready = 0, None
+        robots = nearest_first(scene, object, state, robots)
         while tries < J_MAX:
             try:
                 contacts = contacts or self._contacts(scene, state, object, ahead, robots, J_MAX - tries, at, total)
@@ -299,6 +306,8 @@ class Planner:
                 motion = self._motion(scene, ready.state, object, contact, ahead[: contact.reach + 1])
                 if motion is not None:
                     return ready.after(motion), contact.reach
+            failed = {contact.robot for contact in contacts}
+            robots = tuple(sorted(robots, key=failed.__contains__))  # the others are asked first the next time
             contacts = ()
         return None
 

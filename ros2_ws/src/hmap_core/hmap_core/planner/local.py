@@ -6,6 +6,7 @@ from dataclasses import replace
 from itertools import chain
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hmap_core.contacts.access import accessible
 from hmap_core.contacts.camera import Cloud, visible_points
@@ -19,12 +20,14 @@ from hmap_core.contacts.solids import solids
 from hmap_core.exceptions import Code, ContactError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.manipulation import Manipulation
+from hmap_core.komo.shapes import body_set
 from hmap_core.planner import motion
 from hmap_core.planner.interfaces import Grip, RobotContact, SegmentMotion
 from hmap_core.planner.tools import holding, spread, tools_of, within_reach
 from hmap_core.transforms import rotation_matrix
 from hmap_core.types import Body, ContactPoint, Goal, Scene, SceneState, TaskMode
 from hmap_core.waypoints import DEFAULT_MARGIN, ObjectPath, ObjectPathProblem, plan_waypoints, standing
+from hmap_core.waypoints.support import FACE_TOLERANCE
 
 SURFACE_POINTS = 600  # samples of the object's surface when looking at it
 BATCH = 240  # candidates checked at once
@@ -38,6 +41,7 @@ PHYSICAL_MARGIN = 0.01  # m round an object's path, where there is room: what is
 TURNING_SHARE = 0.7  # of the friction against turning in the hand that weight or pushing may use
 HOLDS_TRIED = 16  # holds on a tool for which an arm is asked
 HOLDS = 8  # of them that are kept, per robot
+ROUNDING = 1e-9  # m, of a height
 MIN_REACH = 2  # poses a contact has to serve, unless the path is shorter
 
 
@@ -79,7 +83,10 @@ class LocalBackend:
         seed: int = 0,
         time_limit: float = np.inf,
     ) -> list[RobotContact]:
-        """Algorithm 3: feasible contacts, the one that carries the object farthest first."""
+        """Algorithm 3: feasible contacts, the one that carries the object farthest first.
+
+        Robots are asked in the order given, until one can carry the object all the way.
+        """
         deadline = time.monotonic() + time_limit
         rng = np.random.default_rng(seed)
         informed = self.proposer.propose(state, scene, object, object_poses)
@@ -87,6 +94,8 @@ class LocalBackend:
         looked_at = 0
         lifted = np.max(object_poses[:, 2]) > object_poses[0, 2] + LIFTED
         for name in robots or scene.robots:
+            if any(contact.reach == len(object_poses) - 1 for contact in found):
+                break  # nobody else could carry it farther
             sampled = self._sampled(scene, state, object, object_poses, name, cloud, rng)
             for batch in chain([informed] if informed else [], sampled):
                 looked_at += len(batch)
@@ -121,7 +130,7 @@ class LocalBackend:
         if not contacts:
             return []
         manipulation, away = self._cleared(scene, state, object, robot)
-        release = standing(scene.bodies[object], object_poses, placed_bodies(scene, state, object))
+        release = _standing(scene.bodies[object], object_poses, placed_bodies(scene, state, object))
         least = min(MIN_REACH, len(object_poses) - 1)
         return [
             RobotContact(robot, contacts[f.index], len(f.keyframes) - 1, f.keyframes, away)
@@ -244,6 +253,22 @@ class LocalBackend:
                 yield batch
                 if total >= MAX_CANDIDATES:
                     break
+
+
+def _standing(body: Body, poses: np.ndarray, obstacles: Sequence[Body]) -> np.ndarray:
+    """As :func:`standing`, which only looks at bodies with a top as high as the body's lowest point at some pose."""
+    own = body_set(body)
+    up = Rotation.from_quat(poses[:, 3:]).as_matrix()[:, 2]
+    lowest = (own.vertices @ up.T - np.repeat(own.radius, np.diff(own.start))[:, None]).min(axis=0) + poses[:, 2]
+    low, high = lowest.min() - FACE_TOLERANCE, lowest.max() + FACE_TOLERANCE
+
+    def may_carry(other: Body) -> bool:
+        shapes = body_set(other)
+        height = shapes.vertices @ rotation_matrix(other.pose)[2] + other.pose[2]
+        tops = np.maximum.reduceat(height, shapes.start[:-1]) + shapes.radius
+        return bool(((tops >= low - ROUNDING) & (tops <= high + ROUNDING)).any())
+
+    return standing(body, poses, [other for other in obstacles if may_carry(other)])
 
 
 def worth(scene: Scene, contact: RobotContact) -> float:
