@@ -55,6 +55,7 @@ class LocalBackend:
 
     def __init__(self, proposer: Proposer | None = None):
         self.proposer = proposer or NoProposer()
+        self._stands: tuple[tuple, np.ndarray] = ((), np.zeros(0, bool))  # the last answer: all robots ask the same
 
     def plan_waypoints(
         self, scene: Scene, state: SceneState, object: str, goal: Goal, seed: int, time_limit: float
@@ -130,7 +131,7 @@ class LocalBackend:
         if not contacts:
             return []
         manipulation, away = self._cleared(scene, state, object, robot)
-        release = _standing(scene.bodies[object], object_poses, placed_bodies(scene, state, object))
+        release = self._standing(scene.bodies[object], object_poses, placed_bodies(scene, state, object))
         least = min(MIN_REACH, len(object_poses) - 1)
         return [
             RobotContact(robot, contacts[f.index], len(f.keyframes) - 1, f.keyframes, away)
@@ -227,6 +228,13 @@ class LocalBackend:
         """The motion in which a robot puts a tool back where it took it. Raises MotionError."""
         rng = np.random.default_rng(seed)
         return motion.put_down(scene, state, grip.contact, grip.tool, grip.T_place, rng, time_limit)
+
+    def _standing(self, body: Body, poses: np.ndarray, obstacles: Sequence[Body]) -> np.ndarray:
+        """Where on its way (M, 7) a body stands by itself, (M,)."""
+        key = id(body_set(body)), poses.tobytes(), *((id(body_set(b)), b.pose.tobytes()) for b in obstacles)
+        if key != self._stands[0]:
+            self._stands = key, _standing(body, poses, obstacles)
+        return self._stands[1]
 
     def _sampled(self, scene: Scene, state: SceneState, object: str, object_poses, robot: str, cloud, rng):
         """Batches of candidates from what the cameras see of the object, then from the rest of its surface."""
