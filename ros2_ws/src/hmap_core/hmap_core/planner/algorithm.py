@@ -444,6 +444,8 @@ class Planner:
 
     def _tool_reaches(self, scene: Scene, state: SceneState, object: str, poses: np.ndarray) -> bool:
         """Whether some tool in some hand could bring an object along poses (M, 7)."""
+        if not tools_of(scene, object):
+            return False
         grips = self.backend.grips(scene, state, object, poses, self._seed(), self._time_left())
         for grip, _ in grips[:TOOLS_TRIED]:
             try:
