@@ -18,13 +18,11 @@ from scipy.spatial.transform import Rotation
 from hmap_core.contacts.hand import hand_of
 from hmap_core.contacts.hand_reach import hand_reach
 from hmap_core.contacts.push import push_reach
-from hmap_core.komo.features import pose_params_all, relative_pose
+from hmap_core.komo.features import pose_params_all
 from hmap_core.komo.ik import follow_ik, solve_ik_batch
 from hmap_core.komo.manipulation import Manipulation, Phase, bit, retreat_distance, retreated
-from hmap_core.komo.objective import Objective, ObjectiveType
-from hmap_core.komo.options import IK_OPTIONS
 from hmap_core.komo.transcription import KomoProblem
-from hmap_core.transforms import IDENTITY, inverse, multiply, multiply_all, rotation_matrix
+from hmap_core.transforms import inverse, multiply, multiply_all, rotation_matrix
 from hmap_core.types import ContactKind, ContactPoint
 
 RESTARTS = 2  # random configurations tried after the home posture
@@ -46,9 +44,7 @@ class Feasible:
 
 def ik_problem(manipulation: Manipulation, collisions, phase: Phase) -> KomoProblem:
     """The one-step problem of bringing the end-effector to a pose in a phase."""
-    problem = KomoProblem(manipulation.model.chain, (0,) * int(phase) + (1,), collisions, IK_OPTIONS)
-    problem.add(Objective(relative_pose(manipulation.tip, IDENTITY, IDENTITY), ObjectiveType.EQ, [0]))
-    return problem
+    return manipulation.ik_problem(collisions, phase)
 
 
 def feasible_contacts(
@@ -74,6 +70,8 @@ def feasible_contacts(
             break
         ok, q = reachable(manipulation, [contacts[k] for k in chunk], object_poses[0], rng)
         for k, posture in zip(np.array(chunk)[ok], q[ok], strict=True):
+            if len(found) >= enough and bound[k] <= max(len(f.keyframes) - 1 for f in found):
+                break
             ahead = slice(0, bound[k] + 1)
             keyframes = carried(manipulation, contacts[k], posture, object_poses[ahead], release[ahead])
             if len(keyframes) > least:
@@ -185,8 +183,7 @@ def carried(
         q: (n,) posture in contact at the first pose.
         release: (M,) poses at which the object may be let go.
     """
-    collisions = manipulation.collisions(contact, object_poses[0], object_poses[-1])
-    holding = ik_problem(manipulation, collisions, Phase.HOLD)
+    holding = ik_problem(manipulation, manipulation.carrying_collisions(contact), Phase.HOLD)
     targets = pose_params_all(manipulation.T_tip_ee, multiply_all(object_poses, contact.T_obj_ee))
     path = follow_ik(holding, targets, q, MAX_JUMP)
     if len(object_poses) == 1:
@@ -196,7 +193,7 @@ def carried(
     while at < len(places) and places[at] > 0:
         reach = places[at]
         T_end = object_poses[reach]
-        leaving = ik_problem(manipulation, manipulation.collisions(contact, object_poses[0], T_end), Phase.RETREAT)
+        leaving = ik_problem(manipulation, manipulation.leaving_collisions(contact, T_end), Phase.RETREAT)
         if len(draw_back(manipulation, leaving, contact, T_end, path[reach])):
             return path[: reach + 1]
         at, step = at + step, step * 2
@@ -212,7 +209,9 @@ def draw_back(
         problem: an :func:`ik_problem` of the phase in which the hand comes or goes.
         q: (n,) posture in contact.
     """
-    fractions = np.arange(1, APPROACH_STEPS + 1) / APPROACH_STEPS
-    poses = np.array([multiply(T_world_obj, retreated(contact, f)) for f in fractions])
+    contact_pose, away = (multiply(T_world_obj, retreated(contact, f)) for f in (0.0, 1.0))
+    fractions = np.arange(1, APPROACH_STEPS + 1)[:, None] / APPROACH_STEPS
+    poses = np.tile(away, (APPROACH_STEPS, 1))
+    poses[:, :3] = contact_pose[:3] + fractions * (away[:3] - contact_pose[:3])
     path = follow_ik(problem, pose_params_all(manipulation.T_tip_ee, poses), q, MAX_JUMP)
     return path if len(path) == APPROACH_STEPS else path[:0]

@@ -39,7 +39,7 @@ HELD_WAYS = (*FINGER_WAYS, (0.0, 1.0, 0.05), (0.0, -1.0, 0.05))
 SHRINKING = np.linspace(1.0, 0.0, 11)
 # this much of a contact line is not counted on at each end, m: the object creeps along it, the pressure is uneven;
 # at most this share of half the line
-EDGE, EDGE_SHARE = 0.005, 0.4
+EDGE, EDGE_SHARE = 0.002, 0.4
 # vertices this near to the pushed plane touch it, m
 TOUCHING = 4 * CONTACT_GAP
 # motions that differ by less than this share of their size are one

@@ -6,24 +6,19 @@ from TOPPRA (Pham and Pham, "A New Approach to Time-Optimal Path Parameterizatio
 The result is stretched to a whole number of sampling periods, so that pieces join on one uniform grid.
 """
 
-import logging
 from dataclasses import dataclass
 
 import numpy as np
-import toppra
 from scipy.interpolate import CubicSpline
-from toppra.algorithm import TOPPRA
-from toppra.constraint import JointAccelerationConstraint, JointVelocityConstraint
 
 from hmap_core.exceptions import MotionError
+from hmap_core.execution.path_speed import fastest_speed
 
 DUPLICATE_DISTANCE = 1e-6  # rad; points closer than this to the last kept one are one point
 LIMIT_MARGIN = 0.99  # share of the limits used in planning the speed; the rest covers what happens between grid points
 GRID_INTERVALS = 64  # of the path parameter, spread over the spline's pieces by length
 GRID_RETRIES = (1, 4)  # factors on GRID_INTERVALS that are tried in turn
 STRETCH_ROUNDS = 20  # corrections of the duration when samples still exceed a limit
-
-logging.getLogger("toppra").setLevel(logging.ERROR)  # failures are handled here
 
 
 @dataclass(frozen=True)
@@ -48,6 +43,8 @@ class TimedPath:
 
 def distinct_points(path: np.ndarray) -> np.ndarray:
     """The path (M, n) without repeated points; its first and last point are kept exactly."""
+    if len(path) > 1 and np.linalg.norm(np.diff(path, axis=0), axis=1).min() > DUPLICATE_DISTANCE:
+        return path
     kept = [0]
     for i in range(1, len(path)):
         if np.linalg.norm(path[i] - path[kept[-1]]) > DUPLICATE_DISTANCE:
@@ -147,18 +144,13 @@ def _speed_profile(curve: CubicSpline, velocity_limits: np.ndarray, acceleration
     """
     length = float(curve.x[-1])
     unit = np.sqrt(length / acceleration_limits.max())  # s
-    path = toppra.SplineInterpolator(curve.x / length, curve(curve.x) / length, bc_type="natural")
     velocity = velocity_limits * unit / length
     acceleration = acceleration_limits * unit**2 / length
-    constraints = [
-        JointVelocityConstraint(np.column_stack([-velocity, velocity])),
-        JointAccelerationConstraint(np.column_stack([-acceleration, acceleration])),
-    ]
     for factor in GRID_RETRIES:
         grid = _grid(curve.x / length, factor * GRID_INTERVALS)
-        solver = TOPPRA(constraints, path, gridpoints=grid, solver_wrapper="seidel")
-        _, speed, _ = solver.compute_parameterization(0.0, 0.0)
-        if speed is not None and np.isfinite(speed).all() and (speed[1:] + speed[:-1] > 0.0).all():
+        first, second = curve(grid * length, 1), curve(grid * length, 2) * length
+        speed = fastest_speed(grid, first, second, velocity, acceleration)
+        if speed is not None and (speed[1:] + speed[:-1] > 0.0).all():
             return _profile(grid * length, speed * length / unit)
     raise MotionError(f"TOPPRA finds no timing for a path of {len(curve.x)} points and length {length:.6g} rad")
 

@@ -2,6 +2,7 @@
 
 from collections import OrderedDict
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -96,6 +97,10 @@ class Arm:
 
     def reach(self) -> np.ndarray:
         """Bound (n,) on the distance of any link point from each joint's axis; 1 for sliding joints."""
+        return self._reach.copy()
+
+    @cached_property
+    def _reach(self) -> np.ndarray:
         extent = np.zeros(self.n + 1)  # of the links on each frame
         for hull in self.hulls:
             slide = np.linalg.norm(hull.slide) * (self.model.gripper.open_opening if self.model.gripper else 0.0)

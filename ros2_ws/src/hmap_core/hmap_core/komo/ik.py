@@ -8,9 +8,9 @@ from hmap_core.komo.transcription import KomoProblem
 
 def _one_step(problem: KomoProblem, params: np.ndarray):
     """What the compiled code takes of one-step problems with these parameters (K, N)."""
-    padded = np.concatenate([params, np.zeros((len(params), 1))], axis=1)
-    samples = problem.samples()
-    return problem.terms(samples), padded, problem.arrays(), samples, problem.options.packed
+    padded = np.ascontiguousarray(np.concatenate([params, np.zeros((len(params), 1))], axis=1))
+    terms, samples, options = problem.packed()
+    return terms, padded, problem.arrays(), samples, options
 
 
 def follow_ik(problem: KomoProblem, params: np.ndarray, start: np.ndarray, max_jump: float) -> np.ndarray:

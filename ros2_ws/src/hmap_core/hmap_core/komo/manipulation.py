@@ -10,11 +10,14 @@ from hmap_core.collision.grown import GrownModel
 from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.kinematics.arm import Arm, load_arm
 from hmap_core.kinematics.model import KinematicModel
-from hmap_core.komo.features.pose import pose_params
+from hmap_core.komo.features.pose import pose_params, relative_pose
 from hmap_core.komo.margins import HELD_CLEARANCE, OBJECT_CLEARANCE, TOUCH_ALLOWANCE
+from hmap_core.komo.objective import Objective, ObjectiveType
+from hmap_core.komo.options import IK_OPTIONS
 from hmap_core.komo.surroundings import Surroundings
+from hmap_core.komo.transcription import KomoProblem
 from hmap_core.komo.workspace import Workspace
-from hmap_core.transforms import inverse, multiply, pose
+from hmap_core.transforms import IDENTITY, inverse, multiply, pose
 from hmap_core.types import ContactKind, ContactPoint, Robot, Scene, SceneState
 
 # how far the hand draws back from a contact, m
@@ -86,10 +89,21 @@ class Manipulation:
         self._workspace = Workspace(self.scene, self.state, [self.robot])
         self.model = self._workspace.model
         self.tip, self.T_tip_ee = self._workspace.end_effector(self.robot)
+        self._leaving: dict[tuple, CollisionModel] = {}
+        self._ik: dict[Phase, KomoProblem] = {}
 
     def target(self, T_world_ee: np.ndarray) -> np.ndarray:
         """Parameters of the relative_pose feature that bring the end-effector to a world pose (7,)."""
         return pose_params(self.T_tip_ee, T_world_ee)
+
+    def ik_problem(self, collisions: CollisionModel, phase: Phase) -> KomoProblem:
+        """The one-step problem of bringing the end-effector to a pose in a phase; what it is asked is packed once."""
+        if phase not in self._ik:
+            problem = KomoProblem(self.model.chain, (0,) * int(phase) + (1,), collisions, IK_OPTIONS)
+            problem.add(Objective(relative_pose(self.tip, IDENTITY, IDENTITY), ObjectiveType.EQ, [0]))
+            problem.packed()
+            self._ik[phase] = problem
+        return self._ik[phase].among(collisions)
 
     def collisions(self, contact: ContactPoint, T_start: np.ndarray, T_end: np.ndarray | None = None) -> CollisionModel:
         """What keeps apart from what in each phase, for an object that goes from T_start to T_end (7,)."""
@@ -98,6 +112,23 @@ class Manipulation:
         self._add_standing(model, around, contact, T_start, T_end)
         self._add_held(model, around, contact, [T_start] if T_end is None else [T_start, T_end])
         return model
+
+    def carrying_collisions(self, contact: ContactPoint) -> CollisionModel:
+        """What :meth:`collisions` says of the hold but for what the object must not hit."""
+        around = self._around(free_opening(self.scene.robots[self.robot], contact), contact.opening)
+        model = GrownModel(around.model)
+        self._add_in_hand(model, around, contact)
+        return model
+
+    def leaving_collisions(self, contact: ContactPoint, T_end: np.ndarray) -> CollisionModel:
+        """What :meth:`collisions` says of the retreat from the object at T_end (7,); alike for contacts open alike."""
+        free, touching = free_opening(self.scene.robots[self.robot], contact), contact.kind != ContactKind.GRASP
+        key = free, contact.opening, touching, T_end.tobytes()
+        if key not in self._leaving:
+            around = self._around(free, contact.opening)
+            model = self._leaving[key] = around.model.extended()
+            self._add_places(model, around, contact, [(T_end, bit(Phase.RETREAT), 0)])
+        return self._leaving[key]
 
     def surroundings(self, contact: ContactPoint) -> CollisionModel:
         """The same without the object."""
@@ -128,14 +159,18 @@ class Manipulation:
 
     def _add_standing(self, model: CollisionModel, around: Surroundings, contact: ContactPoint, T_start, T_end) -> None:
         """The object where it is taken and where it is left."""
+        places = [(T_start, bit(Phase.APPROACH), bit(Phase.TRANSIT))]
+        if T_end is not None:
+            places.append((T_end, bit(Phase.RETREAT), 0))
+        self._add_places(model, around, contact, places)
+
+    def _add_places(self, model: CollisionModel, around: Surroundings, contact: ContactPoint, places) -> None:
+        """The object in places (7,), each with the bit masks of phases in which the hand is near and far from there."""
         arm, fingers = around.arms[self.robot], around.fingers[self.robot]
         touching = contact.kind != ContactKind.GRASP
         margin = -TOUCH_ALLOWANCE if touching else OBJECT_CLEARANCE
         # an arm without fingers touches with its last link
         toucher, hand = (fingers[0].shapes, arm.upper + arm.hand) if fingers else (arm.hand, arm.upper)
-        places = [(T_start, bit(Phase.APPROACH), bit(Phase.TRANSIT))]
-        if T_end is not None:
-            places.append((T_end, bit(Phase.RETREAT), 0))
         for T, near, far in places:
             standing = model.add_set(self.object, transformed(self._own, T), 0)
             model.keep_apart(hand, standing, OBJECT_CLEARANCE, near | far)
@@ -145,11 +180,16 @@ class Manipulation:
 
     def _add_held(self, model: CollisionModel, around: Surroundings, contact: ContactPoint, ends) -> None:
         """The object on the hand, between two places (7,)."""
-        arm, own = around.arms[self.robot], self._own
-        carried = transformed(own, multiply(self.T_tip_ee, inverse(contact.T_obj_ee)))
-        held = model.add_set(self.object, carried, self.tip, self._workspace.speed(self.robot, carried))
-        model.keep_apart(arm.base + arm.upper, held, OBJECT_CLEARANCE, bit(Phase.HOLD))
-        nearest = around.nearest(own, ends, HELD_CLEARANCE)
+        held = self._add_in_hand(model, around, contact)
+        nearest = around.nearest(self._own, ends, HELD_CLEARANCE)
         for name, shapes in around.standing.items():
             margin = nearest.get(name, HELD_CLEARANCE) if name in self.scene.bodies else HELD_CLEARANCE
             model.keep_apart(held, shapes, margin - TOUCH_ALLOWANCE, CARRIED)
+
+    def _add_in_hand(self, model: CollisionModel, around: Surroundings, contact: ContactPoint) -> list[int]:
+        """The object on the hand, which its own arm must not hit; the numbers of its shapes."""
+        arm = around.arms[self.robot]
+        carried = transformed(self._own, multiply(self.T_tip_ee, inverse(contact.T_obj_ee)))
+        held = model.add_set(self.object, carried, self.tip, self._workspace.speed(self.robot, carried))
+        model.keep_apart(arm.base + arm.upper, held, OBJECT_CLEARANCE, bit(Phase.HOLD))
+        return held

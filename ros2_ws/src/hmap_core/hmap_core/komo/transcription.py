@@ -2,14 +2,15 @@
 
 import time
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
-from hmap_core.collision.scene_model import Collisions
+from hmap_core.collision.scene_model import CollisionModel, Collisions
 from hmap_core.komo.allowances import relaxed
-from hmap_core.komo.arrays import Samples, Terms
+from hmap_core.komo.arrays import Options, Samples, Terms
 from hmap_core.komo.between import BETWEEN_BAND, by_unit, new_place, violated_between
 from hmap_core.komo.features.base import MAX_DIM, MAX_FRAMES
 from hmap_core.komo.first_guess import first_guess
@@ -23,6 +24,21 @@ from hmap_core.komo.violations import worst_violation
 
 class KomoProblem(PathProblem):
     """A path problem that can be solved; see :class:`PathProblem` for what it consists of."""
+
+    _packed: tuple | None = None
+
+    def packed(self) -> tuple[Terms, Samples, Options]:
+        """Terms, samples and options as the compiled code takes them; packed once for the objectives so far."""
+        if self._packed is None or self._packed[0] != len(self.objectives):
+            samples = self.samples()
+            self._packed = len(self.objectives), (self.terms(samples), samples, self.options.packed)
+        return self._packed[1]
+
+    def among(self, collisions: CollisionModel) -> "KomoProblem":
+        """The same problem with other things that keep apart; it must not get more objectives."""
+        other = copy(self)
+        other.collisions, other._arrays = collisions, None
+        return other
 
     def coarse_samples(self, full: Samples, stride: int) -> Samples:
         """Pairs are looked at only at every ``stride``-th step of each phase, counted from its end."""

@@ -1,7 +1,7 @@
 """Algorithm 1: waypoints, contacts, motions, and what happens when one of them fails."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 
@@ -63,6 +63,12 @@ def turned(goal: Goal, share: float) -> Goal:
 def _about_vertical(T: np.ndarray, angle: float) -> np.ndarray:
     turn = np.array([0.0, 0.0, np.sin(0.5 * angle), np.cos(0.5 * angle)])
     return np.concatenate([T[:3], quaternion_multiply(turn, T[3:])])
+
+
+def nearest_first(scene: Scene, object: str, state: SceneState, robots: Sequence[str]) -> tuple[str, ...]:
+    """Robots in the order in which they should be asked for contacts on an object: the nearest first."""
+    place = state.poses[object][:2]
+    return tuple(sorted(robots, key=lambda name: float(np.linalg.norm(scene.robots[name].base_pose[:2] - place))))
 
 
 class Planner:
@@ -301,6 +307,7 @@ class Planner:
         """Contacts in a scene, in which a robot may hold a tool, until one gives a motion; those given come first."""
         tries, ready = 0, None
         most = J_MAX if scene is self.scene else TRIES_WITH_TOOL
+        robots = nearest_first(scene, object, state, robots)
         while tries < most:
             try:
                 contacts = contacts or self._contacts(scene, state, object, ahead, robots, most - tries, at, total)
@@ -319,6 +326,8 @@ class Planner:
                 motion = self._motion(scene, ready.state, object, contact, ahead[: contact.reach + 1])
                 if motion is not None:
                     return ready.after(motion), contact.reach
+            failed = {contact.robot for contact in contacts}
+            robots = tuple(sorted(robots, key=failed.__contains__))  # the others are asked first the next time
             contacts = ()
         return None
 

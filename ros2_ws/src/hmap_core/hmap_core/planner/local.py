@@ -6,6 +6,7 @@ from dataclasses import replace
 from itertools import chain
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hmap_core.contacts.access import accessible
 from hmap_core.contacts.camera import Cloud, visible_points
@@ -19,12 +20,14 @@ from hmap_core.contacts.solids import solids
 from hmap_core.exceptions import Code, ContactError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.manipulation import Manipulation
+from hmap_core.komo.shapes import body_set
 from hmap_core.planner import motion
 from hmap_core.planner.interfaces import Grip, RobotContact, SegmentMotion
 from hmap_core.planner.tools import holding, spread, tools_of, within_reach
 from hmap_core.transforms import rotation_matrix
 from hmap_core.types import Body, ContactPoint, Goal, Scene, SceneState, TaskMode
 from hmap_core.waypoints import DEFAULT_MARGIN, ObjectPath, ObjectPathProblem, plan_waypoints, standing
+from hmap_core.waypoints.support import FACE_TOLERANCE
 
 SURFACE_POINTS = 600  # samples of the object's surface when looking at it
 BATCH = 240  # candidates checked at once
@@ -39,6 +42,7 @@ PHYSICAL_MARGIN = 0.01  # m round an object's path, where there is room: what is
 TURNING_SHARE = 0.7  # of the friction against turning in the hand that weight or pushing may use
 HOLDS_TRIED = 16  # holds on a tool for which an arm is asked
 HOLDS = 8  # of them that are kept, per robot
+ROUNDING = 1e-9  # m, of a height
 MIN_REACH = 2  # poses a contact has to serve, unless the path is shorter
 
 
@@ -57,6 +61,7 @@ class LocalBackend:
 
     def __init__(self, proposer: Proposer | None = None):
         self.proposer = proposer or NoProposer()
+        self._stands: tuple[tuple, np.ndarray] = ((), np.zeros(0, bool))  # the last answer: all robots ask the same
 
     def plan_waypoints(
         self, scene: Scene, state: SceneState, object: str, goal: Goal, seed: int, time_limit: float
@@ -85,13 +90,18 @@ class LocalBackend:
         seed: int = 0,
         time_limit: float = np.inf,
     ) -> list[RobotContact]:
-        """Algorithm 3: feasible contacts, the one that carries the object farthest first."""
+        """Algorithm 3: feasible contacts, the one that carries the object farthest first.
+
+        Robots are asked in the order given, until one can carry the object all the way.
+        """
         deadline = time.monotonic() + time_limit
         rng = np.random.default_rng(seed)
         informed = self.proposer.propose(state, scene, object, object_poses)
         found: list[RobotContact] = []
         looked_at = 0
         for name in robots or scene.robots:
+            if any(contact.reach == len(object_poses) - 1 for contact in found):
+                break  # nobody else could carry it farther
             sampled = self._sampled(scene, state, object, object_poses, name, cloud, rng)
             for batch in chain([informed] if informed else [], sampled):
                 looked_at += len(batch)
@@ -157,7 +167,7 @@ class LocalBackend:
 
     def _release(self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray) -> np.ndarray:
         """At which of its poses (M, 7) an object may be let go (M,)."""
-        return standing(scene.bodies[object], object_poses, placed_bodies(scene, state, object))
+        return self._standing(scene.bodies[object], object_poses, placed_bodies(scene, state, object))
 
     def solve_segment(
         self,
@@ -250,6 +260,13 @@ class LocalBackend:
         rng = np.random.default_rng(seed)
         return motion.put_down(scene, state, grip.contact, grip.tool, grip.T_place, rng, time_limit)
 
+    def _standing(self, body: Body, poses: np.ndarray, obstacles: Sequence[Body]) -> np.ndarray:
+        """Where on its way (M, 7) a body stands by itself, (M,)."""
+        key = id(body_set(body)), poses.tobytes(), *((id(body_set(b)), b.pose.tobytes()) for b in obstacles)
+        if key != self._stands[0]:
+            self._stands = key, _standing(body, poses, obstacles)
+        return self._stands[1]
+
     def _sampled(self, scene: Scene, state: SceneState, object: str, object_poses, robot: str, cloud, rng):
         """Batches of candidates from what the cameras see of the object, then from the rest of its surface."""
         body = scene.bodies[object]
@@ -278,6 +295,22 @@ class LocalBackend:
                 yield batch
                 if total >= MAX_CANDIDATES:
                     break
+
+
+def _standing(body: Body, poses: np.ndarray, obstacles: Sequence[Body]) -> np.ndarray:
+    """As :func:`standing`, which only looks at bodies with a top as high as the body's lowest point at some pose."""
+    own = body_set(body)
+    up = Rotation.from_quat(poses[:, 3:]).as_matrix()[:, 2]
+    lowest = (own.vertices @ up.T - np.repeat(own.radius, np.diff(own.start))[:, None]).min(axis=0) + poses[:, 2]
+    low, high = lowest.min() - FACE_TOLERANCE, lowest.max() + FACE_TOLERANCE
+
+    def may_carry(other: Body) -> bool:
+        shapes = body_set(other)
+        height = shapes.vertices @ rotation_matrix(other.pose)[2] + other.pose[2]
+        tops = np.maximum.reduceat(height, shapes.start[:-1]) + shapes.radius
+        return bool(((tops >= low - ROUNDING) & (tops <= high + ROUNDING)).any())
+
+    return standing(body, poses, [other for other in obstacles if may_carry(other)])
 
 
 def worth(scene: Scene, contact: RobotContact) -> float:

@@ -10,6 +10,7 @@ import time
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from hmap_core.collision.scene_model import CollisionModel, Collisions
 from hmap_core.contacts.feasibility import APPROACH_STEPS, MAX_JUMP, draw_back, ik_problem
@@ -203,7 +204,7 @@ def _lifted(scene: Scene, state: SceneState, robot: str, q: np.ndarray) -> np.nd
         path = follow_ik(free, targets, q, MAX_JUMP)
         if len(path) == steps:
             path = np.concatenate([q[None], path])
-            if _violation(manipulation, cols, path, 1)[1] < 0:
+            if _violation(manipulation, cols, spline(path), 1)[1] < 0:
                 return path
     return q[None]
 
@@ -275,12 +276,12 @@ def _move(scene: Scene, state: SceneState, robot: str, object: str | None, q: np
     result = problem.solve(start, initial)
     cols = relaxed(manipulation.model.chain, problem.arrays(), start, 1)
     path = np.concatenate([start[None], result.path]) if result.feasible else None
-    if path is None or _violation(manipulation, verification(cols), path, 1)[1] >= 0:
+    if path is None or _violation(manipulation, verification(cols), spline(path), 1)[1] >= 0:
         corners = find_transit(manipulation.model.chain, cols, 1, start, q, rng, deadline)
         if corners is None:
             raise MotionError(f"robot '{robot}' finds no way to move on: {result.worst}")
         path = np.concatenate([start[None], resampled(corners, SEARCHED_STEPS)])
-        too_close, pair = _violation(manipulation, verification(cols), path, 1)
+        too_close, pair = _violation(manipulation, verification(cols), spline(path), 1)
         if pair >= 0:
             near = " and ".join(collisions.pair_name(pair))
             raise MotionError(f"robot '{robot}' on its way: {near} are {too_close * 1e3:.1f} mm too close")
@@ -310,13 +311,12 @@ def _timed(scene: Scene, robot: str, path: np.ndarray, speed: float, acceleratio
 
 
 def _violation(
-    manipulation: Manipulation, cols: Collisions, path: np.ndarray, phases: int, turn: float = np.inf, then: int = 0
+    manipulation: Manipulation, cols: Collisions, curve: CubicSpline, phases: int, turn: float = np.inf, then: int = 0
 ) -> tuple[float, int]:
-    """Worst margin violation (m) along the spline through a path (M, n), and its pair (-1: none).
+    """Worst margin violation (m) along the spline of a path, and its pair (-1: none).
 
     ``phases`` is the bit mask of phases that counts up to the chord length ``turn``, ``then`` the one after it.
     """
-    curve = spline(path)
     chain = manipulation.model.chain
     knots = curve.x
     # motion bound of a knot interval from the joint motion between its ends, with room for the curve's bulge
@@ -409,22 +409,25 @@ class _Segment:
 
     def _check(self, problem: KomoProblem, path: np.ndarray, cols: Collisions) -> str:
         """What is violated between the steps, or nothing."""
-        coming, carrying, leaving = self._parts(problem, path)
+        names = "coming", "carrying", "leaving"
+        own = zip(names, self._parts(problem, path), strict=True)
+        parts = {what: part for what, part in own if what == "coming" or len(part) > 1}
         cols = verification(cols)
-        knots = spline(coming).x
-        turn = knots[-1 - APPROACH_STEPS] if len(knots) > APPROACH_STEPS else 0.0
-        found = {"coming": _violation(self.manipulation, cols, coming, bit(Phase.TRANSIT), turn, bit(Phase.APPROACH))}
-        if len(carrying) > 1:
-            found["carrying"] = _violation(self.manipulation, cols, carrying, bit(Phase.HOLD) | CARRIED)
-        if len(leaving) > 1:
-            found["leaving"] = _violation(self.manipulation, cols, leaving, bit(Phase.RETREAT))
+        curves = {what: spline(part) for what, part in parts.items()}
         limits = self.scene.robots[self.robot].model.position_limits
-        for part in (part for part in (coming, carrying, leaving) if len(part) > 1):
-            curve = spline(part)
-            samples = curve(np.linspace(0.0, curve.x[-1], LIMIT_SAMPLES * len(part)))
+        for what, curve in curves.items():
+            samples = curve(np.linspace(0.0, curve.x[-1], LIMIT_SAMPLES * len(parts[what])))
             excess = np.maximum(limits[0] - samples, samples - limits[1]).max(axis=0)
             if excess.max() > 0.0:
                 return f"joint {int(excess.argmax()) + 1} exceeds its limit by {excess.max():.2g} between steps"
+        knots = curves["coming"].x
+        turn = knots[-1 - APPROACH_STEPS] if len(knots) > APPROACH_STEPS else 0.0
+        masks = {
+            "coming": (bit(Phase.TRANSIT), turn, bit(Phase.APPROACH)),
+            "carrying": (bit(Phase.HOLD) | CARRIED,),
+            "leaving": (bit(Phase.RETREAT),),
+        }
+        found = {what: _violation(self.manipulation, cols, curve, *masks[what]) for what, curve in curves.items()}
         return ", ".join(
             f"{what}, {' and '.join(problem.collisions.pair_name(pair))} are {v * 1e3:.1f} mm too close between steps"
             for what, (v, pair) in found.items()
@@ -443,7 +446,7 @@ class _Segment:
         after = self._drawn_back(self.T_end, self.start, Phase.RETREAT)
         path = np.concatenate([self.start[None], after])
         cols = verification(self.collisions.arrays())
-        too_close, pair = _violation(self.manipulation, cols, path, bit(Phase.RETREAT))
+        too_close, pair = _violation(self.manipulation, cols, spline(path), bit(Phase.RETREAT))
         if pair >= 0:
             near = " and ".join(self.collisions.pair_name(pair))
             raise MotionError(

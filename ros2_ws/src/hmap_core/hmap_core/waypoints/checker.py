@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from hmap_core.collision.convex import ConvexSet, convex_set, hull_vertices
+from hmap_core.collision.convex import ConvexSet, hull_vertices
 from hmap_core.exceptions import Code, InputError
+from hmap_core.komo.shapes import body_set
 from hmap_core.transforms import apply, inverse, multiply, pose, rotation_matrix
 from hmap_core.types import Body
 from hmap_core.waypoints import kernels
@@ -69,7 +70,7 @@ class Geometry:
     """The shapes of a problem: the body's in its own frame, the obstacles' in the world frame."""
 
     def __init__(self, problem: ObjectPathProblem):
-        self.body: ConvexSet = convex_set(problem.body.shapes)
+        self.body: ConvexSet = body_set(problem.body)
         self.body_arrays = (
             self.body.vertices, self.body.start, self.body.radius, self.body.center, self.body.bound,
         )  # fmt: skip
