@@ -9,8 +9,10 @@ import time
 from pathlib import Path
 
 import pytest
+import rclpy
+from rclpy.context import Context
 
-from hmap.launcher.session import POLL, SERVICES, Session
+from hmap.launcher.session import POLL, SERVICES
 from hmap_core.cli import main
 
 START = 120.0  # s for a single node to be up on a busy machine
@@ -144,11 +146,13 @@ def test_one_node_runs_in_the_foreground_until_sigint():
     node = subprocess.Popen(
         command("run", "waypoint_planner", "--ros-args", "-r", "__ns:=/cell"), stderr=subprocess.PIPE, text=True
     )
-    with Session() as session:
+    with Context() as context:
+        looking = rclpy.create_node("looking", context=context)
         until = time.monotonic() + START
-        while "/cell/plan_waypoints" not in dict(session.node.get_service_names_and_types()):
+        while "/cell/plan_waypoints" not in dict(looking.get_service_names_and_types()):
             assert node.poll() is None and time.monotonic() < until
             time.sleep(POLL)
+        looking.destroy_node()
     node.send_signal(signal.SIGINT)
     _, err = node.communicate(timeout=LIMIT)
     assert node.returncode == 0
