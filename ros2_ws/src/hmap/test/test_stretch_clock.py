@@ -31,7 +31,8 @@ def plan():
 
 
 def stretch_clock(plan, *feedback) -> StretchClock:
-    return StretchClock(plan, Stretch(0, COUNT - 1, {}, "", (), True, True), {ROBOT: SimpleNamespace(feedback=list(feedback))})
+    stretch = Stretch(0, COUNT - 1, {}, "", (), True, True)
+    return StretchClock(plan, stretch, {ROBOT: SimpleNamespace(feedback=list(feedback))})
 
 
 def report(plan, sample: int, arrived: float) -> Feedback:

@@ -32,6 +32,7 @@ WAYPOINT_TIME = 10.0  # s for one of them
 PLACE_TIME = 2.0  # s for the path of an obstacle to one of several places
 REACH_TRIES = 2  # samplings of contacts without success, after which the goal counts as out of reach
 TOOLS_TRIED = 6  # holds on tools that are tried at one waypoint
+LITTLE = 8  # poses of the path: contacts by hand that serve for less are not worth much where there are tools
 TRIES_WITH_TOOL = 4  # contacts tried with one hold on a tool before another hold is
 REACH_TURNS = 4  # further ones with the object turned, where it slides
 LEVEL_PATH = 1e-3  # m that a path may rise where the object slides
@@ -294,17 +295,37 @@ class Planner:
     def _step(self, object: str, course: Course, ahead: np.ndarray, at: int, total: int):
         """The inner loop: contacts at one waypoint until one gives a motion.
 
-        By hand, else with the tool in the hand, else with another one. Returns (course, reach), or None.
+        By hand, else with the tool in the hand, else with another one. Where there are tools, contacts by hand that
+        serve for less than LITTLE poses are kept for the end. Returns (course, reach), or None.
         """
-        free = put_back(course.state, course.grip)
-        found = self._by_contacts(object, course, self.scene, free, tuple(self.scene.robots), ahead, at, total)
+        free, robots = put_back(course.state, course.grip), tuple(self.scene.robots)
+        least = min(LITTLE, len(ahead) - 1) if tools_of(self.scene, object) else 0
+        found = self._by_contacts(object, course, self.scene, free, robots, ahead, at, total, least=least)
         if found is None and course.grip is not None:
             scene = holding(self.scene, course.grip)
             found = self._by_contacts(object, course, scene, course.state, (course.grip.robot,), ahead, at, total)
-        return found or self._by_tool(object, course, ahead, at, total)
+        found = found or self._by_tool(object, course, ahead, at, total)
+        if found is None and least:
+            found = self._by_contacts(object, course, self.scene, free, robots, ahead, at, total)
+        return found
 
-    def _by_contacts(self, object: str, course, scene: Scene, state: SceneState, robots, ahead, at, total, contacts=()):
-        """Contacts in a scene, in which a robot may hold a tool, until one gives a motion; those given come first."""
+    def _by_contacts(
+        self,
+        object: str,
+        course: Course,
+        scene: Scene,
+        state: SceneState,
+        robots,
+        ahead,
+        at,
+        total,
+        contacts=(),
+        least=0,
+    ):
+        """Contacts in a scene, in which a robot may hold a tool, until one gives a motion.
+
+        Those given come first; those that serve for less than ``least`` poses are left out.
+        """
         tries, ready = 0, None
         most = J_MAX if scene is self.scene else TRIES_WITH_TOOL
         robots = nearest_first(scene, object, state, robots)
@@ -313,6 +334,9 @@ class Planner:
                 contacts = contacts or self._contacts(scene, state, object, ahead, robots, most - tries, at, total)
             except ContactError as error:
                 self._failed(error)
+                return None
+            contacts = [contact for contact in contacts if contact.reach >= least]
+            if not contacts:
                 return None
             ready = ready or (self._put_down(course) if scene is self.scene else course)
             if ready is None:
