@@ -1,7 +1,6 @@
 """Real plans: a box past a wall, the tunnels, and what is said when there is no plan."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -137,16 +136,6 @@ def test_what_cannot_be_reached_is_told(task):
     with pytest.raises(HmapError) as error:
         plan(load_scene(task, 0), seed=0, time_limit=LONG)
     assert error.value.code == Code.OUT_OF_REACH
-
-
-@pytest.mark.slow
-def test_the_example_of_the_docs_is_planned():
-    scene = load_scene(str(Path(__file__).resolve().parents[4] / "docs" / "examples" / "hook.yaml"), 0)
-    made = plan(scene, seed=0, time_limit=LONG)
-    report = check(to_dict(made))
-    assert report.valid, report.violations[:3]
-    assert any(s.manipulator == "hook" and s.object == "box" for s in made.segments)
-    assert made.stats["removals"] == 3
 
 
 @pytest.mark.slow
