@@ -169,11 +169,7 @@ def pushes(
         keep &= _overlaps(slide, R, origin, feature, tip)
         keep &= _stays_upright(points @ slide.up - slide.lowest, flat, slide.footprint, slide.middle, friction)
         score = (
-            scoring.W_CENTRAL * scoring.central(points, centre, radius)
-            + scoring.W_ABOVE * scoring.above(R, situation.T_world_obj)
-            + scoring.W_NEAR * scoring.near(points, situation, radius)
-            + scoring.W_MOTION * scoring.along(normals, situation)
-            + scoring.W_SEEN * cloud.seen[index]
+            scoring.place(R, points, normals, cloud.seen[index], centre, radius, situation)
             + scoring.W_UPRIGHT * upright
         )
         sideways = np.cross(normals, slide.up)

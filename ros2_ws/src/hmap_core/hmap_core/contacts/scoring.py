@@ -49,6 +49,20 @@ def along(normals: np.ndarray, situation: Situation) -> np.ndarray:
     return np.full(len(normals), 0.5) if size < 1e-9 else 0.5 - 0.5 * normals @ (step / size)
 
 
+def place(R, points, normals, seen, centre, radius: float, situation: Situation) -> np.ndarray:
+    """What counts (N,) for every contact with one side of the object: where it is, how the hand comes, what it does.
+
+    Frames R (N, 3, 3), points and normals (N, 3), and whether a camera sees them (N,).
+    """
+    return (
+        W_CENTRAL * central(points, centre, radius)
+        + W_ABOVE * above(R, situation.T_world_obj)
+        + W_NEAR * near(points, situation, radius)
+        + W_MOTION * along(normals, situation)
+        + W_SEEN * seen
+    )
+
+
 def ordered(sets: list[Candidates]) -> tuple[np.ndarray, np.ndarray]:
     """Set and index within it (N,) of all contacts: the best of each set in turn, those like earlier ones put back."""
     score = np.concatenate([s.score for s in sets])

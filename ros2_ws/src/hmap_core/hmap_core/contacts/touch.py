@@ -25,14 +25,7 @@ def touches(
     poses = _held_poses if hand.held else _finger_poses
     R, origin, index, straight = poses(cloud, rotation_matrix(situation.T_world_obj)[2], hand, rng)
     points, normals = cloud.points[index], cloud.normals[index]
-    score = (
-        scoring.W_CENTRAL * scoring.central(points, centre, radius)
-        + scoring.W_ABOVE * scoring.above(R, situation.T_world_obj)
-        + scoring.W_NEAR * scoring.near(points, situation, radius)
-        + scoring.W_MOTION * scoring.along(normals, situation)
-        + scoring.W_SEEN * cloud.seen[index]
-        + straight
-    )
+    score = scoring.place(R, points, normals, cloud.seen[index], centre, radius, situation) + straight
     approach = -np.einsum("nij,ni->nj", R, normals)
     return Candidates(ContactKind.TOUCH, R, origin, points, normals, np.zeros(len(R)), approach, score)
 

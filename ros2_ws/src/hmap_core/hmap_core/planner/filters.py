@@ -7,6 +7,7 @@ import numpy as np
 
 from hmap_core.exceptions import Code, ContactError
 from hmap_core.planner.interfaces import Backend, Grip, RobotContact
+from hmap_core.planner.local import away_from_home
 from hmap_core.planner.obstruction import HAND_MARGIN, Unhindered
 from hmap_core.planner.sweep import nearest, placed, robot_sweeps
 from hmap_core.types import Scene, SceneState
@@ -87,9 +88,7 @@ class Reminded(Filter):
         known, self._contact = self._contact, None
         if known is None or not np.array_equal(poses, self._poses):
             return self._backend.propose_contacts(scene, state, object, poses, *request)
-        others = {name: robot.model.home for name, robot in scene.robots.items() if name != known.robot}
-        clear = tuple(name for name, home in others.items() if not np.allclose(state.q[name], home))
-        return [replace(known, clear=clear)]
+        return [replace(known, clear=away_from_home(scene, state, known.robot))]
 
     def _grips(self, scene: Scene, state: SceneState, object: str, poses: np.ndarray, *request):
         known, self._grip = self._grip, None

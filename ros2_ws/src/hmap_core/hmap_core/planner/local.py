@@ -51,6 +51,11 @@ def placed_bodies(scene: Scene, state: SceneState, without: str) -> tuple[Body, 
     return tuple(replace(b, pose=state.poses[name]) for name, b in scene.bodies.items() if name != without)
 
 
+def away_from_home(scene: Scene, state: SceneState, robot: str) -> tuple[str, ...]:
+    """The other robots that have to go home before one may work."""
+    return tuple(n for n in scene.robots if n != robot and not np.allclose(state.q[n], scene.robots[n].model.home))
+
+
 def least_reach(object_poses: np.ndarray) -> int:
     """Index of the pose, of object_poses (M, 7), that a contact has to reach at least."""
     return min(MIN_REACH, len(object_poses) - 1)
@@ -244,7 +249,7 @@ class LocalBackend:
 
     def _cleared(self, scene: Scene, state: SceneState, object: str, robot: str) -> tuple[Manipulation, tuple]:
         """A robot about to handle an object with the others at home, and those that have to go there first."""
-        away = tuple(n for n in scene.robots if n != robot and not np.allclose(state.q[n], scene.robots[n].model.home))
+        away = away_from_home(scene, state, robot)
         cleared = state.copy()
         for name in away:
             cleared.q[name] = scene.robots[name].model.home.copy()
