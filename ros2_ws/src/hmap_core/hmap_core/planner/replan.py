@@ -17,6 +17,7 @@ from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner.conflicts import first_conflict, object_clearances, unknown_bodies
 from hmap_core.planner.interfaces import Backend, RobotContact, SegmentMotion
+from hmap_core.planner.local import away_from_home
 from hmap_core.types import (
     Body,
     ContactKind,
@@ -237,9 +238,7 @@ class KeepingBackend:
         q, rows = self._plan.trajectory.joints[robot], self._plan.trajectory.objects[self._object]
         span = np.arange(max(kept.begin, self._at), kept.end + 1)
         nearest = [span[np.linalg.norm(rows[span, :3] - pose[:3], axis=1).argmin()] for pose in object_poses]
-        homes = {name: placed.model.home for name, placed in scene.robots.items() if name != robot}
-        clear = tuple(name for name, home in homes.items() if not np.allclose(state.q[name], home))
-        return RobotContact(robot, contact, len(nearest) - 1, q[nearest], clear)
+        return RobotContact(robot, contact, len(nearest) - 1, q[nearest], away_from_home(scene, state, robot))
 
     def _known(self, scene: Scene, state: SceneState, object_poses, robots, seed: int) -> list[RobotContact]:
         """The old contacts that carry the object far enough along its poses (M, 7), the farthest-reaching first."""
