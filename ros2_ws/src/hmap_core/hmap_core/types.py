@@ -8,6 +8,9 @@ import numpy as np
 
 from hmap_core.transforms import IDENTITY
 
+# m, rad: how far off its goal an object may be after execution
+EXECUTED_WITHIN = (0.02, float(np.deg2rad(10.0)))
+
 
 class ShapeKind(StrEnum):
     """Kinds of convex primitive; a mesh is taken as its convex hull (concave ones are listed as several shapes)."""
@@ -168,7 +171,7 @@ class Scene:
     motion: str = "auto"
     # movable bodies the planner may put out of the way, with a removal pose where one is given
     removable: dict[str, np.ndarray | None] = field(default_factory=dict)
-    execution_tolerance: tuple[float, float] = (0.02, float(np.deg2rad(10.0)))  # m, rad
+    execution_tolerance: tuple[float, float] = EXECUTED_WITHIN
 
     def with_goal(self, goal: Goal) -> "Scene":
         """The same scene with another goal."""

@@ -40,6 +40,8 @@ SHRINKING = np.linspace(1.0, 0.0, 11)
 # this much of a contact line is not counted on at each end, m: the object creeps along it, the pressure is uneven;
 # at most this share of half the line
 EDGE, EDGE_SHARE = 0.002, 0.4
+# of so many points of a face one is also moved to where the push is balanced
+BALANCED = 4
 # vertices this near to the pushed plane touch it, m
 TOUCHING = 4 * CONTACT_GAP
 # motions that differ by less than this share of their size are one
@@ -106,7 +108,18 @@ class Slide:
 
     @cached_property
     def length(self) -> float:
+        """Characteristic length under even pressure, m."""
         return characteristic_length(self.footprint, self.middle)
+
+    @cached_property
+    def rim_length(self) -> float:
+        """Characteristic length of a body that rests on the corners of its footprint, as most do, m."""
+        return float(np.linalg.norm(np.concatenate(self.footprint) - self.middle, axis=1).mean())
+
+    def _force(self, twists: np.ndarray) -> np.ndarray:
+        """Wrench (3,) for twists (T, 3) that serves best when it is not known where the object's weight rests."""
+        length = np.sqrt(0.5 * (self.length**2 + self.rim_length**2))
+        return needed_wrench(twists, length).mean(axis=0)
 
     def lines(self, points, normals, R, origin, feature, tip) -> tuple[np.ndarray, np.ndarray]:
         """Lines of contact that count: ends (N, 2, 2) about the middle and normals (N, 2) in level axes.
@@ -119,6 +132,25 @@ class Slide:
         sideways = np.stack([flat[:, 1], -flat[:, 0], np.zeros(len(flat))], axis=1) @ self.level
         ends = _contact_lines(points, normals, sideways, R, origin, feature, tip, self.own)
         return _shortened(np.stack([_leveled(e, self.level) for e in ends], axis=1)) - self.middle, flat
+
+    def balanced(self, cloud: Cloud, twists: np.ndarray) -> Cloud:
+        """Points of upright faces moved along them, level, to where the force that the twists (T, 3) need passes.
+
+        Those for which that is beyond their face stop before its edge.
+        """
+        flat = _leveled(cloud.normals, self.level)
+        along = np.stack([flat[:, 1], -flat[:, 0]], axis=1) / np.linalg.norm(flat, axis=1)[:, None]
+        places = _leveled(cloud.points, self.level) - self.middle
+        way = _level_with(places, along, self._force(twists))
+        offset = np.where(np.isfinite(way), way, 0.0)[:, None] * np.c_[along, np.zeros(len(along))] @ self.level
+        share = on_face(cloud.points, cloud.normals, offset, SHRINKING, *self.own.arrays)
+        return Cloud(cloud.points + share[:, None] * offset, cloud.normals, cloud.seen)
+
+    def balance(self, ends: np.ndarray, twists: np.ndarray) -> np.ndarray:
+        """How near the force that twists (T, 3) need is to the middle of lines (N, 2, 2): 1 there, 0 at the ends."""
+        half = 0.5 * (ends[:, 1] - ends[:, 0])
+        off = _level_with(ends.mean(axis=1), half, self._force(twists))
+        return 1.0 - np.minimum(np.nan_to_num(np.abs(off), nan=1.0), 1.0)
 
     def twists(self, poses: np.ndarray) -> list[np.ndarray | None]:
         """Twists (2, 3) vx, vy, w of each step between poses (M, 7), in level axes on the object; None: no slide."""
@@ -159,6 +191,8 @@ def pushes(
     cloud = cloud[sideways & (cloud.points @ slide.up >= slide.lowest + MIN_HEIGHT)]
     if not len(cloud):
         return None
+    even = slide.balanced(cloud[::BALANCED], twists)
+    cloud = Cloud(*(np.concatenate(a) for a in zip(_fields(cloud), _fields(even), strict=True)))
     sets = _held_poses(cloud, slide.up, hand, rng) if hand.held else [_finger_poses(cloud, slide.up, hand.tip)]
     friction = hand.friction(body.friction)
     found = []
@@ -171,6 +205,7 @@ def pushes(
         score = (
             scoring.place(R, points, normals, cloud.seen[index], centre, radius, situation)
             + scoring.W_UPRIGHT * upright
+            + scoring.W_BALANCED * slide.balance(ends, twists)
         )
         sideways = np.cross(normals, slide.up)
         for down, aside, price in HELD_WAYS if hand.held else FINGER_WAYS:
@@ -179,6 +214,10 @@ def pushes(
             arrays = (R, origin, points, normals, np.zeros(len(points)), approach, score - price)
             found.append([a[keep] for a in arrays])
     return Candidates(ContactKind.PUSH, *(np.concatenate(a) for a in zip(*found, strict=True)))
+
+
+def _fields(cloud: Cloud) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return cloud.points, cloud.normals, cloud.seen
 
 
 def _overlaps(slide: Slide, R: np.ndarray, origin: np.ndarray, feature: np.ndarray, tip: np.ndarray) -> np.ndarray:
@@ -244,6 +283,13 @@ def push_reach(body: Body, hand: Hand, contacts: Sequence[ContactPoint], poses: 
         if not holds.any():
             break
     return last
+
+
+def _level_with(places: np.ndarray, along: np.ndarray, wrench: np.ndarray) -> np.ndarray:
+    """How far (N,) along (N, 2) from places (N, 2) a wrench (fx, fy, m) acts as a force; not finite: nowhere."""
+    fx, fy, m = wrench
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return (m - places[:, 0] * fy + places[:, 1] * fx) / (along[:, 0] * fy - along[:, 1] * fx)
 
 
 def _leveled(vectors: np.ndarray, level: np.ndarray) -> np.ndarray:

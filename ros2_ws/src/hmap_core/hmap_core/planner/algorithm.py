@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from hmap_core.contacts.camera import Cloud
+from hmap_core.contacts.push_path import pushed_path, ways_in
 from hmap_core.exceptions import Code, ContactError, HmapError, InputError, MotionError, PlannerError
 from hmap_core.plan_file import to_dict
 from hmap_core.planner.assembly import assemble, scene_at
 from hmap_core.planner.clearing import Clearing, Course, Errand, RemovalError, may_go
 from hmap_core.planner.filters import Considerate, Reminded, Whole
 from hmap_core.planner.interfaces import Backend, Grip, Progress, ProgressCallback, RobotContact, SegmentMotion
-from hmap_core.planner.local import LocalBackend, placed_bodies
+from hmap_core.planner.local import PHYSICAL_MARGIN, LocalBackend, placed_bodies
 from hmap_core.planner.motion import standing_collision
 from hmap_core.planner.obstruction import CONTACT_ROOM, Unhindered, in_motions, met, without
 from hmap_core.planner.sweep import motion_sweeps, object_sweep
@@ -22,7 +23,7 @@ from hmap_core.planner.tools import holding, in_hand, put_back, tools_of
 from hmap_core.transforms import inverse, multiply, quaternion_multiply
 from hmap_core.types import BodyKind, Goal, Plan, Scene, SceneState, SegmentKind, TaskMode
 from hmap_core.validation import check
-from hmap_core.waypoints import NoObjectPath, ObjectPath, ObjectPathProblem, slid_first
+from hmap_core.waypoints import DEFAULT_MARGIN, NoObjectPath, ObjectPath, ObjectPathProblem, slid_first
 
 J_MAX = 40  # contacts tried at one waypoint before new waypoints are asked for (the paper's j_max)
 WAYPOINT_ROUNDS = 6  # object paths tried
@@ -30,11 +31,12 @@ BLOCKED_ROUNDS = 2  # of these, in which an obstacle could not be put out of the
 REMOVAL_ROUNDS = 2  # of an obstacle: sliding where it can, and lifted
 WAYPOINT_TIME = 10.0  # s for one of them
 PLACE_TIME = 2.0  # s for the path of an obstacle to one of several places
+PUSHED_PATHS = 3  # of pushes, for one object path
 REACH_TRIES = 2  # samplings of contacts without success, after which the goal counts as out of reach
 TOOLS_TRIED = 6  # holds on tools that are tried at one waypoint
 LITTLE = 8  # poses of the path: contacts by hand that serve for less are not worth much where there are tools
 TRIES_WITH_TOOL = 4  # contacts tried with one hold on a tool before another hold is
-REACH_TURNS = 4  # further ones with the object turned, where it slides
+REACH_TURNS = 2  # of an object that slides, in which it is asked about, too
 LEVEL_PATH = 1e-3  # m that a path may rise where the object slides
 GOAL_SHARE = 0.5  # of the goal's tolerance that a plan may use so that the object need not be turned
 GOAL_TURN = float(np.deg2rad(45.0))  # rad by which the goal is turned at most, where its tolerance allows it
@@ -175,8 +177,10 @@ class Planner:
             course = self.clearing.clear(errand, course, known.more_than(blockers), known.ways)
         found = self._segments(errand, course, poses, known)
         if found is None:
-            slid = self._slid_first(errand, course, poses)
-            found = None if slid is None else self._segments(errand, course, slid)
+            for other in self._on_the_support(errand, course, poses, attempt):
+                found = self._segments(errand, course, other)
+                if found is not None:
+                    break
         return self._stuck(errand, poses) if found is None else found
 
     def _stuck(self, errand: Errand, poses: np.ndarray) -> None:
@@ -202,14 +206,27 @@ class Planner:
             path = self._path(without(scene, blockers), state, goal, limit)
         return path.poses, blockers
 
-    def _slid_first(self, errand: Errand, course: Course, poses: np.ndarray) -> np.ndarray | None:
-        """The path with its head on the support, where pushes may bring the object to where a hand can grip it."""
+    def _on_the_support(self, errand: Errand, course: Course, poses: np.ndarray, attempt: int):
+        """The path (M, 7) in other ways: with its head on the support, or made of pushes where it all lies there.
+
+        Pushes may bring the object to where a hand can grip it; and few paths can be pushed as they are found.
+        """
         if self.scene.mode == TaskMode.KINEMATIC:
-            return None
+            return
         object = errand.goal.object
         around = placed_bodies(self.scene, put_back(course.state, course.grip), object)
-        problem = ObjectPathProblem(self.scene.bodies[object], poses[0], poses[-1], around)
-        return slid_first(problem, poses)
+        problem = ObjectPathProblem(self.scene.bodies[object], poses[0], poses[-1], around, margin=PHYSICAL_MARGIN)
+        slid = slid_first(replace(problem, margin=DEFAULT_MARGIN), poses)
+        if slid is not None:
+            yield slid
+        if np.ptp(poses[:, 2]) > LEVEL_PATH:
+            return
+        known: list[np.ndarray] = []
+        for turn in range(PUSHED_PATHS):
+            pushed = pushed_path(problem, poses, self.rng if attempt + turn else None)
+            if pushed is not None and not any(np.array_equal(pushed, other) for other in known):
+                known.append(pushed)
+                yield pushed
 
     def _path_scene(self, errand: Errand, course: Course, attempt: int) -> Scene:
         """The scene as the search for a path has to see it.
@@ -468,7 +485,7 @@ class Planner:
         """Raises ContactError when no robot could bring the object along the last poses, whatever the way there."""
         there = put_back(self.start, self.grip).copy()
         scene = without(self.scene, self.scene.removable)
-        for poses in self._ways_in(last_poses):
+        for poses in self._ways_in(goal.object, last_poses):
             there.poses[goal.object] = poses[0]
             try:
                 self.backend.propose_contacts(
@@ -487,15 +504,18 @@ class Planner:
             Code.OUT_OF_REACH,
         ) from failure
 
-    def _ways_in(self, last_poses: np.ndarray) -> list[np.ndarray]:
-        """Last poses (M, 7) of paths to the goal: the given ones, and the same with the object turned on its support.
+    def _ways_in(self, object: str, last_poses: np.ndarray) -> list[np.ndarray]:
+        """Last poses (M, 7) of paths to the goal: the given ones, and pushes on each of its sides, turned or not.
 
         Which directions it can be pushed in depends on how it is turned; whether hands reach the goal does not.
         """
-        turns = [0.0] * REACH_TRIES
-        if self.scene.mode != TaskMode.KINEMATIC and np.ptp(last_poses[:, 2]) < LEVEL_PATH:
-            turns += list(self.rng.uniform(-np.pi, np.pi, REACH_TURNS))
-        return [np.array([_about_vertical(T, turn) for T in last_poses]) for turn in turns]
+        ways = [last_poses] * REACH_TRIES
+        if self.scene.mode == TaskMode.KINEMATIC or np.ptp(last_poses[:, 2]) > LEVEL_PATH:
+            return ways
+        turns = [0.0, *self.rng.uniform(-np.pi, np.pi, REACH_TURNS)]
+        for turn in turns:
+            ways += ways_in(self.scene.bodies[object], _about_vertical(last_poses[-1], turn), len(last_poses))
+        return ways
 
     def _tool_reaches(self, scene: Scene, state: SceneState, object: str, poses: np.ndarray) -> bool:
         """Whether some tool in some hand could bring an object along poses (M, 7)."""

@@ -14,7 +14,7 @@ from hmap_core.scenes.parameters import draw
 from hmap_core.scenes.robots import load_robot_model
 from hmap_core.scenes.schema import CameraEntry, GoalEntry, TaskFile
 from hmap_core.scenes.validate import validate
-from hmap_core.types import Body, BodyKind, Camera, Goal, Robot, Scene
+from hmap_core.types import EXECUTED_WITHIN, Body, BodyKind, Camera, Goal, Robot, Scene
 
 MIN_VIEW_ANGLE = np.deg2rad(0.1)  # between a camera's view and its up direction
 
@@ -77,10 +77,17 @@ def _build(document: Document, entry: TaskFile, task: str, seed: int) -> Scene:
         goal=_goal(document, entry.goal, bodies),
         motion=entry.motion,
         removable=_removable(document, entry, bodies),
-        execution_tolerance=(
-            entry.execution_tolerance.position,
-            float(np.deg2rad(entry.execution_tolerance.rotation_deg)),
-        ),
+        execution_tolerance=_execution_tolerance(entry),
+    )
+
+
+def _execution_tolerance(entry: TaskFile) -> tuple[float, float]:
+    """m, rad; what the file leaves out is that of EXECUTED_WITHIN, or the goal's where that is more."""
+    given, goal = entry.execution_tolerance, entry.goal
+    position, rotation = EXECUTED_WITHIN
+    return (
+        given.position or max(position, goal.position_tolerance),
+        float(np.deg2rad(given.rotation_deg or max(np.rad2deg(rotation), goal.rotation_tolerance_deg))),
     )
 
 

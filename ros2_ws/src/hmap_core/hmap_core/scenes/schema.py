@@ -219,10 +219,10 @@ class GoalEntry(Strict):
 
 
 class ExecutionTolerance(Strict):
-    """How exactly the executed plan has to end."""
+    """How exactly the executed plan has to end; what is left out: EXECUTED_WITHIN, or the goal's where that is more."""
 
-    position: Positive = 0.02
-    rotation_deg: Annotated[Number, Field(gt=0.0, le=180.0)] = 10.0
+    position: Positive | None = None
+    rotation_deg: Annotated[Number, Field(gt=0.0, le=180.0)] | None = None
 
 
 class TaskFile(Strict):

@@ -231,9 +231,13 @@ def check_ends(problem: ObjectPathProblem) -> frozenset[str]:
 
 def flattened(problem: ObjectPathProblem, T: np.ndarray) -> np.ndarray:
     """The pose nearest to T (7,) that the start reaches by planar motion."""
-    q = multiply(np.r_[np.zeros(3), T[3:]], inverse(np.r_[np.zeros(3), problem.start[3:]]))[3:]
-    yaw = 2.0 * np.arctan2(q[2], q[3])
-    return planar_pose(problem.start, T[0], T[1], yaw)
+    return planar_pose(problem.start, T[0], T[1], planar_yaw(problem.start, T))
+
+
+def planar_yaw(start: np.ndarray, T: np.ndarray) -> float:
+    """How far pose T (7,) is turned about the vertical from ``start`` (7,), rad."""
+    q = multiply(np.r_[np.zeros(3), T[3:]], inverse(np.r_[np.zeros(3), start[3:]]))[3:]
+    return 2.0 * float(np.arctan2(q[2], q[3]))
 
 
 def planar_pose(start: np.ndarray, x: float, y: float, yaw: float) -> np.ndarray:

@@ -1,0 +1,124 @@
+"""Object paths made of pushes: each leg can be pushed on one side, and the whole is free."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from geometry_fixtures import TABLE, box, yaw
+
+from hmap_core.contacts.friction import in_cone, needed_wrench
+from hmap_core.contacts.push import Slide
+from hmap_core.contacts.push_path import PushPlanner, pushed_path, sides, ways_in
+from hmap_core.transforms import distance, interpolate, pose
+from hmap_core.types import BodyKind, Shape, ShapeKind
+from hmap_core.waypoints import ObjectPathProblem, plan_waypoints
+from hmap_core.waypoints.checker import Geometry, ObjectChecker
+
+CRATE = replace(box("crate", (0.12, 0.12, 0.08), (0, 0, 0), kind=BodyKind.MOVABLE), friction=0.4)
+Z = 0.09  # of a crate on the table
+WALL = box("wall", (0.2, 0.02, 0.1), (0.0, 0.0, 0.1))
+
+
+def at(x, y, turn=0.0):
+    return pose((x, y, Z), yaw(np.deg2rad(turn)))
+
+
+def problem(start, goal, *obstacles, body=CRATE):
+    return ObjectPathProblem(body, start, goal, (TABLE, *obstacles), motion="planar")
+
+
+def straight(problem):
+    return interpolate(problem.start, problem.goal, np.linspace(0.0, 1.0, 31))
+
+
+def assert_can_be_pushed(path, body=CRATE):
+    """At each step some force on one side, within 70 % of the friction, is what the motion needs."""
+    slide = Slide(body, path[0])
+    width = 0.06
+    lines = []
+    for side in sides(body, slide):
+        inward = np.array([np.cos(side.heading), np.sin(side.heading)])
+        across = np.array([-inward[1], inward[0]])
+        forces = [inward + sign * 0.7 * body.friction * across for sign in (1, -1)]
+        ends = [-0.06 * inward + sign * width * across for sign in (1, -1)]
+        lines.append([[*f, e[0] * f[1] - e[1] * f[0]] for f in forces for e in ends])
+    lines = np.array(lines)
+    for twists in slide.twists(path):
+        for twist in twists:
+            wrench = needed_wrench(twist, slide.length)
+            assert in_cone(lines, wrench / np.linalg.norm(wrench)).any()
+
+
+def assert_free(problem, path):
+    checker = ObjectChecker(problem, Geometry(problem), True, 0.0)
+    assert all(checker.motion_free(a, b) for a, b in zip(path, path[1:], strict=False))
+    np.testing.assert_allclose(path[[0, -1]], [problem.start, problem.goal], atol=1e-9)
+    steps = [distance(a, b) for a, b in zip(path, path[1:], strict=False)]
+    assert max(d for d, _ in steps) < 0.011 and max(a for _, a in steps) < np.deg2rad(3.1)
+
+
+def test_a_crate_has_four_sides_and_turns_more_the_farther_from_its_middle_it_is_pushed():
+    found = sides(CRATE, Slide(CRATE, at(0, 0, 30)))
+    headings = np.sort(np.rad2deg([side.heading for side in found]))
+    np.testing.assert_allclose(headings, [-150, -60, 30, 120], atol=1e-3)
+    length = Slide(CRATE, at(0, 0)).length
+    for side in found:
+        np.testing.assert_allclose(side.curvature, np.array([-0.05, 0.05]) / length**2, rtol=0.05)
+
+
+@pytest.mark.parametrize("goal", [at(0.3, 0.0), at(0.2, 0.15), at(-0.1, 0.25), at(0.3, 0.1, 40), at(-0.2, -0.2, -100)])
+def test_any_pose_is_reached_by_pushes(goal):
+    task = problem(at(0, 0), goal)
+    path = pushed_path(task, straight(task), None)
+    assert_free(task, path)
+    assert_can_be_pushed(path)
+
+
+def test_straight_along_a_normal_is_one_push():
+    task = problem(at(0, 0, 25), at(0.2 * np.cos(np.deg2rad(25)), 0.2 * np.sin(np.deg2rad(25)), 25))
+    path = pushed_path(task, straight(task), None)
+    assert len(path) == 21
+    np.testing.assert_allclose(path, interpolate(task.start, task.goal, np.linspace(0, 1, 21)), atol=1e-9)
+
+
+def test_round_a_wall():
+    task = problem(at(0.0, -0.15), at(0.0, 0.15), WALL)
+    found = plan_waypoints(task, np.random.default_rng(0)).poses
+    path = pushed_path(task, found, None)
+    assert_free(task, path)
+    assert_can_be_pushed(path)
+    with pytest.raises(AssertionError):
+        assert_can_be_pushed(found)  # which is why it is needed
+
+
+def test_other_sides_are_preferred_at_random_and_the_same_seed_gives_the_same():
+    task = problem(at(0, 0), at(0.2, 0.15))
+    planner, way = PushPlanner(task), straight(task)
+    first = [planner.path(way, np.random.default_rng(seed)) for seed in range(8)]
+    again = [PushPlanner(task).path(way, np.random.default_rng(seed)) for seed in range(8)]
+    assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
+    assert len({path.tobytes() for path in first}) > 1
+    for path in first:
+        assert_free(task, path)
+        assert_can_be_pushed(path)
+
+
+def test_what_has_no_flat_sides_or_no_room_or_no_table_has_no_way():
+    disc = replace(CRATE, shapes=(Shape(ShapeKind.CYLINDER, (0.05, 0.08)),))
+    task = problem(at(0, 0), at(0.2, 0.0), body=disc)
+    assert pushed_path(task, straight(task), None) is None
+    walls = [box(f"w{s}", (0.6, 0.02, 0.1), (0.1, s * 0.076, 0.1)) for s in (-1, 1)]
+    turned = problem(at(0, 0), at(0.2, 0.0, 90), *walls)
+    assert pushed_path(turned, straight(turned), None) is None
+    flying = ObjectPathProblem(CRATE, pose((0, 0, 0.3)), pose((0.2, 0, 0.3)), (TABLE,))
+    assert pushed_path(flying, straight(flying), None) is None
+
+
+def test_ways_in_end_at_the_goal_and_come_from_all_sides():
+    ways = ways_in(CRATE, at(0.1, 0.2, 30), 4)
+    assert len(ways) == 4
+    for way in ways:
+        np.testing.assert_allclose(way[-1], at(0.1, 0.2, 30))
+        assert np.linalg.norm(way[0, :2] - way[-1, :2]) == pytest.approx(0.03)
+        assert_can_be_pushed(way)
+    assert len({np.round(way[0, :2], 6).tobytes() for way in ways}) == 4
