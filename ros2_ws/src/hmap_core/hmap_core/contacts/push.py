@@ -1,6 +1,6 @@
 """Pushes: closed fingers, or a held body, against a side of an object that slides on its support."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -10,7 +10,7 @@ from hmap_core.contacts import scoring
 from hmap_core.contacts.access import on_face
 from hmap_core.contacts.camera import Cloud
 from hmap_core.contacts.candidates import CONTACT_GAP, Candidates, Hand, Situation, frames, on_surface
-from hmap_core.contacts.facets import held_facets, placed
+from hmap_core.contacts.facets import MIDDLE, held_facets, placed
 from hmap_core.contacts.friction import characteristic_length, cone_generators, in_cone, needed_wrench, stable_pushes
 from hmap_core.contacts.solids import Solids, solids
 from hmap_core.transforms import IDENTITY, apply, inverse, multiply, rotation_matrix
@@ -35,6 +35,8 @@ MAX_TILT = float(np.deg2rad(1.0))
 # ways to come to the face: how far down and to the side for each metre ahead, and what that costs in score
 FINGER_WAYS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.05))
 HELD_WAYS = (*FINGER_WAYS, (0.0, 1.0, 0.05), (0.0, -1.0, 0.05))
+# what is held, where its height is free, is this far over the support, m
+HELD_GAP = 0.005
 # steps by which a contact line is shortened to end on the face
 SHRINKING = np.linspace(1.0, 0.0, 11)
 # this much of a contact line is not counted on at each end, m: the object creeps along it, the pressure is uneven;
@@ -120,9 +122,19 @@ class Slide:
         ends = _contact_lines(points, normals, sideways, R, origin, feature, tip, self.own)
         return _shortened(np.stack([_leveled(e, self.level) for e in ends], axis=1)) - self.middle, flat
 
-    def twists(self, poses: np.ndarray) -> list[np.ndarray | None]:
+    def middled(self, cloud: Cloud) -> Cloud:
+        """Points of upright faces moved level along them to where their normals pass the centre of mass.
+
+        Those for which that is beyond their face stop before its edge.
+        """
+        sideways = np.cross(cloud.normals, self.up)
+        sideways /= np.linalg.norm(sideways, axis=1)[:, None]
+        offset = sideways * np.einsum("ni,ni->n", self.centre - cloud.points, sideways)[:, None]
+        share = on_face(cloud.points, cloud.normals, offset, SHRINKING, *self.own.arrays)
+        return Cloud(cloud.points + share[:, None] * offset, cloud.normals, cloud.seen)
+
+    def twists(self, poses: np.ndarray) -> Iterator[np.ndarray | None]:
         """Twists (2, 3) vx, vy, w of each step between poses (M, 7), in level axes on the object; None: no slide."""
-        found = []
         for T0, T1 in zip(poses, poses[1:], strict=False):
             twists = slide_twists(T0, T1, self.centre)
             if twists is not None:
@@ -131,8 +143,7 @@ class Slide:
                     twists = None
                 else:
                     twists = np.column_stack([twists[:, :2] @ turn[:2, :2].T, twists[:, 2]])
-            found.append(twists)
-        return found
+            yield twists
 
 
 def pushes(
@@ -159,11 +170,11 @@ def pushes(
     cloud = cloud[sideways & (cloud.points @ slide.up >= slide.lowest + MIN_HEIGHT)]
     if not len(cloud):
         return None
-    sets = _held_poses(cloud, slide.up, hand, rng) if hand.held else [_finger_poses(cloud, slide.up, hand.tip)]
+    sets = _held_poses(slide, cloud, hand, rng) if hand.held else [_finger_poses(cloud, slide.up, hand.tip)]
     friction = hand.friction(body.friction)
     found = []
-    for R, origin, feature, tip, upright, index in sets:
-        points, normals = cloud.points[index], cloud.normals[index]
+    for points, R, origin, feature, tip, upright, index in sets:
+        normals = cloud.normals[index]
         ends, flat = slide.lines(points, normals, R, origin, feature, tip)
         keep = stable_pushes(ends, flat, FRICTION_SHARE * friction, twists, slide.length)
         keep &= _overlaps(slide, R, origin, feature, tip)
@@ -191,17 +202,29 @@ def _overlaps(slide: Slide, R: np.ndarray, origin: np.ndarray, feature: np.ndarr
 def _finger_poses(cloud: Cloud, up: np.ndarray, tip: np.ndarray):
     R = _oriented(len(cloud), cloud.normals, up)
     index = np.repeat(np.arange(len(cloud)), len(R) // len(cloud))
-    origin, feature = on_surface(R, cloud.points[index], cloud.normals[index], tip)
-    return R, origin, feature, tip, np.zeros(len(R)), index
+    points = cloud.points[index]
+    origin, feature = on_surface(R, points, cloud.normals[index], tip)
+    return points, R, origin, feature, tip, np.zeros(len(R)), index
 
 
-def _held_poses(cloud: Cloud, up: np.ndarray, hand: Hand, rng: np.random.Generator):
-    """For each facet of what is held, the poses in which it lies against the points."""
+def _held_poses(slide: Slide, cloud: Cloud, hand: Hand, rng: np.random.Generator):
+    """For each facet of what is held, the poses in which it lies against the points; and those moved to the middle.
+
+    At the latter the middle of the facet pushes past the object's centre of mass, as far as the face allows, and
+    nothing of what is held is nearer to the support than HELD_GAP.
+    """
     own_up = rotation_matrix(hand.held.T_ee_body) @ hand.held.up
+    middle = slide.middled(cloud)
     for facet in held_facets(hand.held):
-        R, origin, upright, index = placed(facet, own_up, cloud.points, cloud.normals, up, rng)
-        feature = np.ones((len(R), len(facet.vertices)), bool)
-        yield R, origin, feature, facet.vertices, upright, index
+        for own, share in ((cloud, MIDDLE), (middle, 1.0)):
+            R, origin, upright, index = placed(facet, own_up, own.points, own.normals, slide.up, rng, share)
+            points = own.points[index]
+            if own is middle:
+                lowest = (np.einsum("i,nij,vj->nv", slide.up, R, hand.tip) + (origin @ slide.up)[:, None]).min(axis=1)
+                lift = np.maximum(0.0, slide.lowest + HELD_GAP - lowest)[:, None] * slide.up
+                points, origin = points + lift, origin + lift
+            feature = np.ones((len(R), len(facet.vertices)), bool)
+            yield points, R, origin, feature, facet.vertices, upright, index
 
 
 def push_reach(body: Body, hand: Hand, contacts: Sequence[ContactPoint], poses: np.ndarray) -> np.ndarray:

@@ -23,6 +23,7 @@ from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner import motion
 from hmap_core.planner.interfaces import Grip, RobotContact, SegmentMotion
+from hmap_core.planner.lifting import lifted
 from hmap_core.planner.tools import holding, spread, tools_of, within_reach
 from hmap_core.transforms import rotation_matrix
 from hmap_core.types import Body, ContactPoint, Goal, Scene, SceneState, TaskMode
@@ -184,7 +185,10 @@ class LocalBackend:
         seed: int = 0,
         time_limit: float = np.inf,
     ) -> SegmentMotion:
-        """KOMO over the phases of one segment."""
+        """KOMO over the phases of one segment; an object that would tip when it is dragged is lifted."""
+        if scene.mode == TaskMode.PHYSICAL and not (scene.motion == "planar" and object == scene.goal.object):
+            around = placed_bodies(scene, state, object)
+            contact, object_poses = lifted(scene, state, object, contact, object_poses, around, TURNING_SHARE)
         rng = np.random.default_rng(seed)
         return motion.solve_segment(scene, state, object, contact, object_poses, rng, time_limit)
 
