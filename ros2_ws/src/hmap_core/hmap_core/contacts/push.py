@@ -37,6 +37,10 @@ FINGER_WAYS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.05))
 HELD_WAYS = (*FINGER_WAYS, (0.0, 1.0, 0.05), (0.0, -1.0, 0.05))
 # what is held, where its height is free, is this far over the support, m
 HELD_GAP = 0.005
+# points that are tried with one facet of what is held, and of those in the middle of the face
+PER_FACET, HEIGHTS = 16, 8
+# of forces, as shares of the largest
+ROUNDING = 1e-9
 # steps by which a contact line is shortened to end on the face
 SHRINKING = np.linspace(1.0, 0.0, 11)
 # this much of a contact line is not counted on at each end, m: the object creeps along it, the pressure is uneven;
@@ -122,6 +126,15 @@ class Slide:
         ends = _contact_lines(points, normals, sideways, R, origin, feature, tip, self.own)
         return _shortened(np.stack([_leveled(e, self.level) for e in ends], axis=1)) - self.middle, flat
 
+    def behind(self, normals: np.ndarray, twists: np.ndarray, friction: float) -> np.ndarray:
+        """Which sides (N,) can push at all: for all twists (T, 3), the needed force is in their friction cone.
+
+        All forces of a line contact are in that cone of its side, whatever their moment.
+        """
+        flat = _leveled(normals, self.level)
+        ahead, across = flat @ -twists[:, :2].T, np.abs(flat[:, ::-1] @ (twists[:, :2] * [1.0, -1.0]).T)
+        return np.all((ahead > 0.0) & (across <= friction * ahead + ROUNDING), axis=1)
+
     def middled(self, cloud: Cloud) -> Cloud:
         """Points of upright faces moved level along them to where their normals pass the centre of mass.
 
@@ -166,12 +179,13 @@ def pushes(
     twists = slide_twists(situation.T_world_obj, situation.T_world_next, slide.centre)
     if twists is None or not slide.footprint:
         return None
+    friction = hand.friction(body.friction)
     sideways = np.abs(cloud.normals @ slide.up) <= np.sin(UPRIGHT)
     cloud = cloud[sideways & (cloud.points @ slide.up >= slide.lowest + MIN_HEIGHT)]
+    cloud = cloud[slide.behind(cloud.normals, twists, FRICTION_SHARE * friction)]
     if not len(cloud):
         return None
     sets = _held_poses(slide, cloud, hand, rng) if hand.held else [_finger_poses(cloud, slide.up, hand.tip)]
-    friction = hand.friction(body.friction)
     found = []
     for points, R, origin, feature, tip, upright, index in sets:
         normals = cloud.normals[index]
@@ -216,8 +230,8 @@ def _held_poses(slide: Slide, cloud: Cloud, hand: Hand, rng: np.random.Generator
     own_up = rotation_matrix(hand.held.T_ee_body) @ hand.held.up
     middle = slide.middled(cloud)
     for facet in held_facets(hand.held):
-        for own, share in ((cloud, MIDDLE), (middle, 1.0)):
-            R, origin, upright, index = placed(facet, own_up, own.points, own.normals, slide.up, rng, share)
+        for own, share, count in ((cloud, MIDDLE, PER_FACET), (middle, 1.0, HEIGHTS)):
+            R, origin, upright, index = placed(facet, own_up, own.points, own.normals, slide.up, rng, share, count)
             points = own.points[index]
             if own is middle:
                 lowest = (np.einsum("i,nij,vj->nv", slide.up, R, hand.tip) + (origin @ slide.up)[:, None]).min(axis=1)

@@ -8,13 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from hmap_core.contacts.camera import Cloud
+from hmap_core.contacts.hand import hand_of
+from hmap_core.contacts.push_directions import grippable, steady_directions
 from hmap_core.exceptions import Code, ContactError, HmapError, InputError, MotionError, PlannerError
 from hmap_core.plan_file import to_dict
 from hmap_core.planner.assembly import assemble, scene_at
 from hmap_core.planner.clearing import Clearing, Course, Errand, RemovalError, may_go
 from hmap_core.planner.filters import Considerate, Reminded, Whole
 from hmap_core.planner.interfaces import Backend, Grip, Progress, ProgressCallback, RobotContact, SegmentMotion
-from hmap_core.planner.local import LocalBackend, placed_bodies
+from hmap_core.planner.local import PHYSICAL_MARGIN, LocalBackend, placed_bodies
 from hmap_core.planner.motion import standing_collision
 from hmap_core.planner.obstruction import CONTACT_ROOM, Unhindered, in_motions, met, without
 from hmap_core.planner.sweep import motion_sweeps, object_sweep
@@ -22,7 +24,7 @@ from hmap_core.planner.tools import holding, in_hand, put_back, tools_of
 from hmap_core.transforms import inverse, multiply, quaternion_multiply
 from hmap_core.types import BodyKind, Goal, Plan, Scene, SceneState, SegmentKind, TaskMode
 from hmap_core.validation import check
-from hmap_core.waypoints import NoObjectPath, ObjectPath, ObjectPathProblem, slid_first
+from hmap_core.waypoints import NoObjectPath, ObjectPath, ObjectPathProblem, pushable, slid_first
 
 J_MAX = 40  # contacts tried at one waypoint before new waypoints are asked for (the paper's j_max)
 WAYPOINT_ROUNDS = 6  # object paths tried
@@ -193,7 +195,8 @@ class Planner:
         scene = self._path_scene(errand, course, attempt)
         limit = WAYPOINT_TIME if errand.depth == 0 else PLACE_TIME
         try:
-            return self._path(scene, state, goal, limit).poses, ()
+            poses = self._path(scene, state, goal, limit).poses
+            return self._pushable(state, goal.object, poses) if attempt % 2 == 0 else poses, ()
         except NoObjectPath as error:
             if not error.free_without:
                 raise
@@ -201,6 +204,16 @@ class Planner:
         if path is None:
             path = self._path(without(scene, blockers), state, goal, limit)
         return path.poses, blockers
+
+    def _pushable(self, state: SceneState, object: str, poses: np.ndarray) -> np.ndarray:
+        """The path in directions in which the object can be pushed steadily, where no hand can grip it."""
+        body = self.scene.bodies[object]
+        hands = [hand_of(robot) for robot in self.scene.robots.values()]
+        if self.scene.mode == TaskMode.KINEMATIC or grippable(body, poses[0], hands):
+            return poses
+        problem = ObjectPathProblem(body, poses[0], poses[-1], placed_bodies(self.scene, state, object))
+        found = pushable(problem, poses, steady_directions(body, poses[0]), PHYSICAL_MARGIN)
+        return poses if found is None else found
 
     def _slid_first(self, errand: Errand, course: Course, poses: np.ndarray) -> np.ndarray | None:
         """The path with its head on the support, where pushes may bring the object to where a hand can grip it."""
@@ -295,19 +308,24 @@ class Planner:
     def _step(self, object: str, course: Course, ahead: np.ndarray, at: int, total: int):
         """The inner loop: contacts at one waypoint until one gives a motion.
 
-        By hand, else with the tool in the hand, else with another one. Where there are tools, contacts by hand that
-        serve for less than LITTLE poses are kept for the end. Returns (course, reach), or None.
+        By hand, else with a tool. With a tool in the hand a contact by hand that does not serve to the end of the path
+        has to wait until that tool was asked. Where there are tools, contacts by hand that serve for less than LITTLE
+        poses are kept for the end. Returns (course, reach), or None.
         """
         free, robots = put_back(course.state, course.grip), tuple(self.scene.robots)
+
+        def by_hand(least: int):
+            return self._by_contacts(object, course, self.scene, free, robots, ahead, at, total, least=least)
+
+        found = None
+        if course.grip is not None:
+            found = by_hand(len(ahead) - 1)
+            if found is None:
+                scene = holding(self.scene, course.grip)
+                found = self._by_contacts(object, course, scene, course.state, (course.grip.robot,), ahead, at, total)
         least = min(LITTLE, len(ahead) - 1) if tools_of(self.scene, object) else 0
-        found = self._by_contacts(object, course, self.scene, free, robots, ahead, at, total, least=least)
-        if found is None and course.grip is not None:
-            scene = holding(self.scene, course.grip)
-            found = self._by_contacts(object, course, scene, course.state, (course.grip.robot,), ahead, at, total)
-        found = found or self._by_tool(object, course, ahead, at, total)
-        if found is None and least:
-            found = self._by_contacts(object, course, self.scene, free, robots, ahead, at, total)
-        return found
+        found = found or by_hand(least) or self._by_tool(object, course, ahead, at, total)
+        return by_hand(0) if found is None and least else found
 
     def _by_contacts(
         self,

@@ -3,6 +3,7 @@
 from hmap_core.waypoints.grounded import slid_first
 from hmap_core.waypoints.plan import DEFAULT_TIME_LIMIT, plan_waypoints
 from hmap_core.waypoints.problem import DEFAULT_MARGIN, NoObjectPath, ObjectPath, ObjectPathProblem
+from hmap_core.waypoints.pushable import pushable
 from hmap_core.waypoints.shorten import smooth
 from hmap_core.waypoints.standing import standing
 
@@ -13,6 +14,7 @@ __all__ = [
     "ObjectPath",
     "ObjectPathProblem",
     "plan_waypoints",
+    "pushable",
     "slid_first",
     "smooth",
     "standing",
