@@ -73,21 +73,29 @@ def held_facets(held: HeldBody) -> list[Facet]:
 
 
 def placed(
-    facet: Facet, up: np.ndarray, points: np.ndarray, normals: np.ndarray, toward: np.ndarray, rng: np.random.Generator
+    facet: Facet,
+    up: np.ndarray,
+    points: np.ndarray,
+    normals: np.ndarray,
+    toward: np.ndarray,
+    rng: np.random.Generator,
+    middle: float = MIDDLE,
+    count: int = PER_FACET,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Poses of the end-effector frame at which a facet lies CONTACT_GAP above points of a surface, in all ROLLS.
 
     Args:
         facet: in the end-effector frame.
         up: (3,) what is up for the body it belongs to, end-effector frame.
-        points, normals: (N, 3) of the surface, of which at most PER_FACET are used; ``toward`` (3,) is up there.
+        points, normals: (N, 3) of the surface, of which at most ``count`` are used; ``toward`` (3,) is up there.
         rng: draws the points, and which place of the facet lies on them, where it is not the middle.
+        middle: share of the touches in which it is the middle.
 
     Returns:
         R (M, 3, 3), origin (M, 3), upright (M,): cosine between both ups, and the number (M,) of the point.
     """
     K = len(ROLLS)
-    chosen = rng.permutation(len(points))[:PER_FACET]
+    chosen = rng.permutation(len(points))[:count]
     points, normals = points[chosen], normals[chosen]
     own, _ = tangents(facet.normal[None], up)
     frame = np.stack([own[0], np.cross(facet.normal, own[0]), facet.normal], axis=1)
@@ -97,7 +105,7 @@ def placed(
     x = np.cos(rolls)[:, None] * first + np.sin(rolls)[:, None] * second
     R = np.stack([x, np.cross(inward, x), inward], axis=2) @ frame.T
     weights = rng.dirichlet(np.ones(len(facet.vertices)), len(points))
-    weights[rng.random(len(points)) < MIDDLE] = 1.0 / len(facet.vertices)
+    weights[rng.random(len(points)) < middle] = 1.0 / len(facet.vertices)
     anchor = np.repeat(weights @ facet.vertices, K, axis=0)
     origin = np.repeat(points + CONTACT_GAP * normals, K, axis=0) - np.einsum("nij,nj->ni", R, anchor)
     return R, origin, toward @ R @ up, np.repeat(chosen, K)

@@ -7,6 +7,7 @@ Each pad resists a turn about the closing axis like a disc of radius r under the
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hmap_core.collision.convex import convex_set
 from hmap_core.contacts.access import on_face
@@ -27,13 +28,12 @@ def turning_share(body: Body, contacts: Sequence[ContactPoint], gripper: Gripper
     """
     centre = centre_of_mass(convex_set(body.shapes))
     capacity = 4.0 / 3.0 * body.friction * gripper.force * gripper.pad_half_width
-    share = np.zeros(len(contacts))
-    for k, contact in enumerate(contacts):
-        if contact.kind == ContactKind.GRASP:
-            closing = rotation_matrix(contact.T_obj_ee)[:, 1]
-            moment = np.cross(centre - contact.T_obj_ee[:3], -body.mass * GRAVITY * up) @ closing
-            share[k] = abs(moment) / capacity
-    return share
+    if not contacts:
+        return np.zeros(0)
+    origins, closing = _closing(contacts)
+    moment = np.einsum("ki,ki->k", np.cross(centre - origins, -body.mass * GRAVITY * up), closing)
+    grasps = np.array([contact.kind == ContactKind.GRASP for contact in contacts])
+    return np.where(grasps, np.abs(moment) / capacity, 0.0)
 
 
 def pushing_share(held: HeldBody, gripper: Gripper, body: Body, contacts: Sequence[ContactPoint]) -> np.ndarray:
@@ -43,12 +43,18 @@ def pushing_share(held: HeldBody, gripper: Gripper, body: Body, contacts: Sequen
     """
     capacity = 4.0 / 3.0 * held.friction * gripper.force * gripper.pad_half_width
     force = body.friction * body.mass * GRAVITY
-    share = np.zeros(len(contacts))
-    for k, contact in enumerate(contacts):
-        closing = rotation_matrix(contact.T_obj_ee)[:, 1]
-        moment = np.cross(contact.point - contact.T_obj_ee[:3], force * contact.normal) @ closing
-        share[k] = abs(moment) / capacity
-    return share
+    if not contacts:
+        return np.zeros(0)
+    origins, closing = _closing(contacts)
+    points, normals = (np.array([getattr(c, name) for c in contacts]) for name in ("point", "normal"))
+    moment = np.einsum("ki,ki->k", np.cross(points - origins, force * normals), closing)
+    return np.abs(moment) / capacity
+
+
+def _closing(contacts: Sequence[ContactPoint]) -> tuple[np.ndarray, np.ndarray]:
+    """Where (K, 3) the hands are, and their closing axes (K, 3), in the object's frame."""
+    frames = np.array([c.T_obj_ee for c in contacts])
+    return frames[:, :3], Rotation.from_quat(frames[:, 3:]).as_matrix()[:, :, 1]
 
 
 def pad_balance(body: Body, contacts: Sequence[ContactPoint], gripper: Gripper) -> np.ndarray:

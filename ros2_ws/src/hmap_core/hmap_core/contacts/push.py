@@ -1,6 +1,6 @@
 """Pushes: closed fingers, or a held body, against a side of an object that slides on its support."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -10,7 +10,7 @@ from hmap_core.contacts import scoring
 from hmap_core.contacts.access import on_face
 from hmap_core.contacts.camera import Cloud
 from hmap_core.contacts.candidates import CONTACT_GAP, Candidates, Hand, Situation, frames, on_surface
-from hmap_core.contacts.facets import held_facets, placed
+from hmap_core.contacts.facets import MIDDLE, held_facets, placed
 from hmap_core.contacts.friction import characteristic_length, cone_generators, in_cone, needed_wrench, stable_pushes
 from hmap_core.contacts.solids import Solids, solids
 from hmap_core.transforms import IDENTITY, apply, inverse, multiply, rotation_matrix
@@ -35,6 +35,12 @@ MAX_TILT = float(np.deg2rad(1.0))
 # ways to come to the face: how far down and to the side for each metre ahead, and what that costs in score
 FINGER_WAYS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.05))
 HELD_WAYS = (*FINGER_WAYS, (0.0, 1.0, 0.05), (0.0, -1.0, 0.05))
+# what is held, where its height is free, is this far over the support, m
+HELD_GAP = 0.005
+# points that are tried with one facet of what is held, and of those in the middle of the face
+PER_FACET, HEIGHTS = 16, 8
+# of forces, as shares of the largest
+ROUNDING = 1e-9
 # steps by which a contact line is shortened to end on the face
 SHRINKING = np.linspace(1.0, 0.0, 11)
 # this much of a contact line is not counted on at each end, m: the object creeps along it, the pressure is uneven;
@@ -133,6 +139,15 @@ class Slide:
         ends = _contact_lines(points, normals, sideways, R, origin, feature, tip, self.own)
         return _shortened(np.stack([_leveled(e, self.level) for e in ends], axis=1)) - self.middle, flat
 
+    def behind(self, normals: np.ndarray, twists: np.ndarray, friction: float) -> np.ndarray:
+        """Which sides (N,) can push at all: for all twists (T, 3), the needed force is in their friction cone.
+
+        All forces of a line contact are in that cone of its side, whatever their moment.
+        """
+        flat = _leveled(normals, self.level)
+        ahead, across = flat @ -twists[:, :2].T, np.abs(flat[:, ::-1] @ (twists[:, :2] * [1.0, -1.0]).T)
+        return np.all((ahead > 0.0) & (across <= friction * ahead + ROUNDING), axis=1)
+
     def balanced(self, cloud: Cloud, twists: np.ndarray) -> Cloud:
         """Points of upright faces moved along them, level, to where the force that the twists (T, 3) need passes.
 
@@ -152,9 +167,8 @@ class Slide:
         off = _level_with(ends.mean(axis=1), half, self._force(twists))
         return 1.0 - np.minimum(np.nan_to_num(np.abs(off), nan=1.0), 1.0)
 
-    def twists(self, poses: np.ndarray) -> list[np.ndarray | None]:
+    def twists(self, poses: np.ndarray) -> Iterator[np.ndarray | None]:
         """Twists (2, 3) vx, vy, w of each step between poses (M, 7), in level axes on the object; None: no slide."""
-        found = []
         for T0, T1 in zip(poses, poses[1:], strict=False):
             twists = slide_twists(T0, T1, self.centre)
             if twists is not None:
@@ -163,8 +177,7 @@ class Slide:
                     twists = None
                 else:
                     twists = np.column_stack([twists[:, :2] @ turn[:2, :2].T, twists[:, 2]])
-            found.append(twists)
-        return found
+            yield twists
 
 
 def pushes(
@@ -187,17 +200,18 @@ def pushes(
     twists = slide_twists(situation.T_world_obj, situation.T_world_next, slide.centre)
     if twists is None or not slide.footprint:
         return None
+    friction = hand.friction(body.friction)
     sideways = np.abs(cloud.normals @ slide.up) <= np.sin(UPRIGHT)
     cloud = cloud[sideways & (cloud.points @ slide.up >= slide.lowest + MIN_HEIGHT)]
+    cloud = cloud[slide.behind(cloud.normals, twists, FRICTION_SHARE * friction)]
     if not len(cloud):
         return None
-    even = slide.balanced(cloud[::BALANCED], twists)
-    cloud = Cloud(*(np.concatenate(a) for a in zip(_fields(cloud), _fields(even), strict=True)))
-    sets = _held_poses(cloud, slide.up, hand, rng) if hand.held else [_finger_poses(cloud, slide.up, hand.tip)]
-    friction = hand.friction(body.friction)
+    sets = (
+        _held_poses(slide, cloud, twists, hand, rng) if hand.held else [_finger_poses(slide, cloud, twists, hand.tip)]
+    )
     found = []
-    for R, origin, feature, tip, upright, index in sets:
-        points, normals = cloud.points[index], cloud.normals[index]
+    for points, R, origin, feature, tip, upright, index in sets:
+        normals = cloud.normals[index]
         ends, flat = slide.lines(points, normals, R, origin, feature, tip)
         keep = stable_pushes(ends, flat, FRICTION_SHARE * friction, twists, slide.length)
         keep &= _overlaps(slide, R, origin, feature, tip)
@@ -216,10 +230,6 @@ def pushes(
     return Candidates(ContactKind.PUSH, *(np.concatenate(a) for a in zip(*found, strict=True)))
 
 
-def _fields(cloud: Cloud) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return cloud.points, cloud.normals, cloud.seen
-
-
 def _overlaps(slide: Slide, R: np.ndarray, origin: np.ndarray, feature: np.ndarray, tip: np.ndarray) -> np.ndarray:
     """Whether (N,) what touches begins by OVERLAP below the object's top, and does not end below its bottom."""
     height = np.einsum("i,nij,vj->nv", slide.up, R, tip) + (origin @ slide.up)[:, None]
@@ -227,20 +237,35 @@ def _overlaps(slide: Slide, R: np.ndarray, origin: np.ndarray, feature: np.ndarr
     return (slide.top - low >= OVERLAP) & (high >= slide.lowest + OVERLAP)
 
 
-def _finger_poses(cloud: Cloud, up: np.ndarray, tip: np.ndarray):
-    R = _oriented(len(cloud), cloud.normals, up)
-    index = np.repeat(np.arange(len(cloud)), len(R) // len(cloud))
-    origin, feature = on_surface(R, cloud.points[index], cloud.normals[index], tip)
-    return R, origin, feature, tip, np.zeros(len(R)), index
+def _finger_poses(slide: Slide, cloud: Cloud, twists: np.ndarray, tip: np.ndarray):
+    """Closed fingers at the points, and at some of them moved to where the push is balanced."""
+    own = np.r_[np.arange(len(cloud)), np.arange(len(cloud))[::BALANCED]]
+    points = np.concatenate([cloud.points, slide.balanced(cloud[::BALANCED], twists).points])
+    R = _oriented(len(own), cloud.normals[own], slide.up)
+    turns = len(R) // len(own)
+    points, index = np.repeat(points, turns, axis=0), np.repeat(own, turns)
+    origin, feature = on_surface(R, points, cloud.normals[index], tip)
+    return points, R, origin, feature, tip, np.zeros(len(R)), index
 
 
-def _held_poses(cloud: Cloud, up: np.ndarray, hand: Hand, rng: np.random.Generator):
-    """For each facet of what is held, the poses in which it lies against the points."""
+def _held_poses(slide: Slide, cloud: Cloud, twists: np.ndarray, hand: Hand, rng: np.random.Generator):
+    """For each facet of what is held, the poses in which it lies against the points; and those moved to balance.
+
+    At the latter the middle of the facet lies where the force passes, as far as the face allows, and nothing of what is
+    held is nearer to the support than HELD_GAP.
+    """
     own_up = rotation_matrix(hand.held.T_ee_body) @ hand.held.up
+    even = slide.balanced(cloud, twists)
     for facet in held_facets(hand.held):
-        R, origin, upright, index = placed(facet, own_up, cloud.points, cloud.normals, up, rng)
-        feature = np.ones((len(R), len(facet.vertices)), bool)
-        yield R, origin, feature, facet.vertices, upright, index
+        for own, share, count in ((cloud, MIDDLE, PER_FACET), (even, 1.0, HEIGHTS)):
+            R, origin, upright, index = placed(facet, own_up, own.points, own.normals, slide.up, rng, share, count)
+            points = own.points[index]
+            if own is even:
+                lowest = (np.einsum("i,nij,vj->nv", slide.up, R, hand.tip) + (origin @ slide.up)[:, None]).min(axis=1)
+                lift = np.maximum(0.0, slide.lowest + HELD_GAP - lowest)[:, None] * slide.up
+                points, origin = points + lift, origin + lift
+            feature = np.ones((len(R), len(facet.vertices)), bool)
+            yield points, R, origin, feature, facet.vertices, upright, index
 
 
 def push_reach(body: Body, hand: Hand, contacts: Sequence[ContactPoint], poses: np.ndarray) -> np.ndarray:

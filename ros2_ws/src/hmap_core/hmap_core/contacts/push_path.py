@@ -33,11 +33,13 @@ CURVATURES = (1.0, 3.0, 10.0)  # that are tried, in units of that for which it i
 UNSURE_COST = 1.0  # m of path that a turn by 1 rad costs at most for being uncertain
 SLANT_SHARE = 0.5  # of the friction cone that a straight leg may leave the normal by
 LEG_COST = 0.3  # m of path that a further leg is worth
+SHORT, SHORT_COST = 0.03, 0.3  # m; a leg shorter than that costs as much as so many metres more
 SIDE_VARIETY, WAY_VARIETY = 4.0, 1.5  # a side, or a way, costs up to so many times more where other ways are wanted
 KNOT_STEP = 0.08  # m between poses of the path that may be joined; a turn by 1 rad counts as the body's length
 MAX_KNOTS = 24  # poses that may be joined
 MAX_LEGS = 4000  # legs checked before there counts as being no way
 ARC_STEP = float(np.deg2rad(3.0))  # rad; arcs are checked and followed in chords
+LEVEL = 1e-3  # m that a path of an object that slides may rise
 NO_LEG = 1e-4  # m, shorter than any leg
 NO_TURN = 1e-3  # rad, less than any turn
 
@@ -106,7 +108,7 @@ def pushed_path(problem: ObjectPathProblem, poses: np.ndarray, rng: np.random.Ge
         rng: prefers some sides at random, so that each call finds another way; None: the shortest.
 
     Returns:
-        None where the body does not slide, has no flat sides, or no way was found.
+        None where the path rises, the body does not stand on its support, has no flat sides, or no way was found.
     """
     return PushPlanner(problem).path(poses, rng)
 
@@ -138,7 +140,7 @@ class PushPlanner:
 
     def path(self, poses: np.ndarray, rng: np.random.Generator | None) -> np.ndarray | None:
         """See :func:`pushed_path`."""
-        if len(self.sides) < 3 or self.checker.support is None:
+        if len(self.sides) < 3 or self.checker.support is None or np.ptp(poses[:, 2]) > LEVEL:
             return None
         self._legs_left = MAX_LEGS
         price = np.ones(len(self.sides)) if rng is None else rng.uniform(1.0, SIDE_VARIETY, len(self.sides))
@@ -163,7 +165,8 @@ class PushPlanner:
 
     def _cost(self, leg: Leg) -> float:
         unsure = 1.0 - min(1.0, self._sure / abs(leg.curvature)) if leg.curvature else 0.0
-        return LEG_COST + leg.length + UNSURE_COST * abs(leg.turn) * unsure
+        short = SHORT_COST if leg.length < SHORT else 0.0
+        return LEG_COST + short + leg.length + UNSURE_COST * abs(leg.turn) * unsure
 
     def _knots(self, poses: np.ndarray) -> np.ndarray:
         """Poses of a path that may be joined: evenly spread along it, both ends among them."""

@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from hmap_core.contacts.camera import Cloud
+from hmap_core.contacts.grippable import grippable
+from hmap_core.contacts.hand import hand_of
 from hmap_core.contacts.push_path import pushed_path, ways_in
 from hmap_core.exceptions import Code, ContactError, HmapError, InputError, MotionError, PlannerError
 from hmap_core.plan_file import to_dict
@@ -23,7 +25,7 @@ from hmap_core.planner.tools import holding, in_hand, put_back, tools_of
 from hmap_core.transforms import inverse, multiply, quaternion_multiply
 from hmap_core.types import BodyKind, Goal, Plan, Scene, SceneState, SegmentKind, TaskMode
 from hmap_core.validation import check
-from hmap_core.waypoints import DEFAULT_MARGIN, NoObjectPath, ObjectPath, ObjectPathProblem, slid_first
+from hmap_core.waypoints import NoObjectPath, ObjectPath, ObjectPathProblem, slid_first
 
 J_MAX = 40  # contacts tried at one waypoint before new waypoints are asked for (the paper's j_max)
 WAYPOINT_ROUNDS = 6  # object paths tried
@@ -197,7 +199,8 @@ class Planner:
         scene = self._path_scene(errand, course, attempt)
         limit = WAYPOINT_TIME if errand.depth == 0 else PLACE_TIME
         try:
-            return self._path(scene, state, goal, limit).poses, ()
+            poses = self._path(scene, state, goal, limit).poses
+            return self._pushable(state, goal.object, poses, attempt), ()
         except NoObjectPath as error:
             if not error.free_without:
                 raise
@@ -206,6 +209,21 @@ class Planner:
             path = self._path(without(scene, blockers), state, goal, limit)
         return path.poses, blockers
 
+    def _pushable(self, state: SceneState, object: str, poses: np.ndarray, attempt: int) -> np.ndarray:
+        """The path by pushes, where no hand can grip the object; every second attempt as it is."""
+        body = self.scene.bodies[object]
+        hands = [hand_of(robot) for robot in self.scene.robots.values()]
+        if self.scene.mode == TaskMode.KINEMATIC or attempt % 2 or grippable(body, poses[0], hands):
+            return poses
+        pushed = self._pushes(state, object, poses, attempt)
+        return poses if pushed is None else pushed
+
+    def _pushes(self, state: SceneState, object: str, poses: np.ndarray, variant: int) -> np.ndarray | None:
+        """The path made of pushes, of which variant 0 is the shortest; None where there are none."""
+        around = placed_bodies(self.scene, state, object)
+        problem = ObjectPathProblem(self.scene.bodies[object], poses[0], poses[-1], around, margin=PHYSICAL_MARGIN)
+        return pushed_path(problem, poses, self.rng if variant else None)
+
     def _on_the_support(self, errand: Errand, course: Course, poses: np.ndarray, attempt: int):
         """The path (M, 7) in other ways: with its head on the support, or made of pushes where it all lies there.
 
@@ -213,17 +231,14 @@ class Planner:
         """
         if self.scene.mode == TaskMode.KINEMATIC:
             return
-        object = errand.goal.object
-        around = placed_bodies(self.scene, put_back(course.state, course.grip), object)
-        problem = ObjectPathProblem(self.scene.bodies[object], poses[0], poses[-1], around, margin=PHYSICAL_MARGIN)
-        slid = slid_first(replace(problem, margin=DEFAULT_MARGIN), poses)
+        object, state = errand.goal.object, put_back(course.state, course.grip)
+        around = placed_bodies(self.scene, state, object)
+        slid = slid_first(ObjectPathProblem(self.scene.bodies[object], poses[0], poses[-1], around), poses)
         if slid is not None:
             yield slid
-        if np.ptp(poses[:, 2]) > LEVEL_PATH:
-            return
-        known: list[np.ndarray] = []
-        for turn in range(PUSHED_PATHS):
-            pushed = pushed_path(problem, poses, self.rng if attempt + turn else None)
+        known = [poses]
+        for variant in range(attempt, attempt + PUSHED_PATHS):
+            pushed = self._pushes(state, object, poses, variant)
             if pushed is not None and not any(np.array_equal(pushed, other) for other in known):
                 known.append(pushed)
                 yield pushed
@@ -312,19 +327,24 @@ class Planner:
     def _step(self, object: str, course: Course, ahead: np.ndarray, at: int, total: int):
         """The inner loop: contacts at one waypoint until one gives a motion.
 
-        By hand, else with the tool in the hand, else with another one. Where there are tools, contacts by hand that
-        serve for less than LITTLE poses are kept for the end. Returns (course, reach), or None.
+        By hand, else with a tool. With a tool in the hand a contact by hand that does not serve to the end of the path
+        has to wait until that tool was asked. Where there are tools, contacts by hand that serve for less than LITTLE
+        poses are kept for the end. Returns (course, reach), or None.
         """
         free, robots = put_back(course.state, course.grip), tuple(self.scene.robots)
+
+        def by_hand(least: int):
+            return self._by_contacts(object, course, self.scene, free, robots, ahead, at, total, least=least)
+
+        found = None
+        if course.grip is not None:
+            found = by_hand(len(ahead) - 1)
+            if found is None:
+                scene = holding(self.scene, course.grip)
+                found = self._by_contacts(object, course, scene, course.state, (course.grip.robot,), ahead, at, total)
         least = min(LITTLE, len(ahead) - 1) if tools_of(self.scene, object) else 0
-        found = self._by_contacts(object, course, self.scene, free, robots, ahead, at, total, least=least)
-        if found is None and course.grip is not None:
-            scene = holding(self.scene, course.grip)
-            found = self._by_contacts(object, course, scene, course.state, (course.grip.robot,), ahead, at, total)
-        found = found or self._by_tool(object, course, ahead, at, total)
-        if found is None and least:
-            found = self._by_contacts(object, course, self.scene, free, robots, ahead, at, total)
-        return found
+        found = found or by_hand(least) or self._by_tool(object, course, ahead, at, total)
+        return by_hand(0) if found is None and least else found
 
     def _by_contacts(
         self,

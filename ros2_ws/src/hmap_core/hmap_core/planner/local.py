@@ -23,6 +23,7 @@ from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner import motion
 from hmap_core.planner.interfaces import Grip, RobotContact, SegmentMotion
+from hmap_core.planner.lifting import lifted
 from hmap_core.planner.tools import holding, spread, tools_of, within_reach
 from hmap_core.transforms import rotation_matrix
 from hmap_core.types import Body, ContactPoint, Goal, Scene, SceneState, TaskMode
@@ -42,6 +43,8 @@ PHYSICAL_MARGIN = 0.01  # m round an object's path, where there is room: what is
 TURNING_SHARE = 0.7  # of the friction against turning in the hand that weight or pushing may use
 HOLDS_TRIED = 16  # holds on a tool for which an arm is asked
 HOLDS = 8  # of them that are kept, per robot
+HOLDS_FIRST = 3  # of these, that are asked how far they could serve; the others only where the tool and robot are among
+HOLDS_SHARE = 0.5  # those that serve at least this share of the best
 ROUNDING = 1e-9  # m, of a height
 MIN_REACH = 2  # poses a contact has to serve, unless the path is shorter
 
@@ -184,7 +187,10 @@ class LocalBackend:
         seed: int = 0,
         time_limit: float = np.inf,
     ) -> SegmentMotion:
-        """KOMO over the phases of one segment."""
+        """KOMO over the phases of one segment; an object that would tip when it is dragged is lifted."""
+        if scene.mode == TaskMode.PHYSICAL and not (scene.motion == "planar" and object == scene.goal.object):
+            around = placed_bodies(scene, state, object)
+            contact, object_poses = lifted(scene, state, object, contact, object_poses, around, TURNING_SHARE)
         rng = np.random.default_rng(seed)
         return motion.solve_segment(scene, state, object, contact, object_poses, rng, time_limit)
 
@@ -194,27 +200,41 @@ class LocalBackend:
         """Holds on tools with which the object may be moved along object_poses (M, 7), the farthest-reaching first.
 
         Each comes with the pose up to which hand, tool and object could go at best; the arm was asked only whether it
-        can take the tool.
+        can take the tool. Of those that reach as far, the one with the most contacts that do is first: it leaves the
+        most room.
         """
         deadline = time.monotonic() + time_limit
         rng = np.random.default_rng(seed)
         least = least_reach(object_poses)
-        found: list[tuple[Grip, int]] = []
+        found: list[tuple[Grip, int, int]] = []
         pairs = [
             (tool, robot)
             for tool in tools_of(scene, object)
             for robot in scene.robots
             if within_reach(scene, state, robot, tool, object)
         ]
-        for tool, robot in pairs:
-            for contact in self._holds(scene, state, tool, robot, rng):
-                grip = Grip(tool, contact, state.poses[tool])
-                bound = self._bound(holding(scene, grip), state, object, object_poses, robot, rng)
+        holds = [
+            [Grip(tool, contact, state.poses[tool]) for contact in self._holds(scene, state, tool, robot, rng)]
+            for tool, robot in pairs
+        ]
+
+        def bounded(grips: Sequence[Grip]) -> int:
+            best = -1
+            for grip in grips:
+                bound, count = self._bound(holding(scene, grip), state, object, object_poses, grip.robot, rng)
+                best = max(best, bound)
                 if bound >= least:
-                    found.append((grip, bound))
+                    found.append((grip, bound, count))
                 if time.monotonic() > deadline:
                     break
-        return sorted(found, key=lambda entry: -entry[1])
+            return best
+
+        first = [bounded(grips[:HOLDS_FIRST]) for grips in holds]
+        far = HOLDS_SHARE * max(first, default=0) if found else -1.0
+        for grips, best in zip(holds, first, strict=True):
+            if best >= far:
+                bounded(grips[HOLDS_FIRST:])
+        return [(grip, bound) for grip, bound, _ in sorted(found, key=lambda entry: (-entry[1], -entry[2]))]
 
     def _holds(self, scene: Scene, state: SceneState, tool: str, robot: str, rng) -> list[RobotContact]:
         """Ways in which a robot can take a tool where it stands, spread over it."""
@@ -239,13 +259,14 @@ class LocalBackend:
         share = turning_share(scene.bodies[body], contacts, gripper, rotation_matrix(T_body)[2])
         return [c for c, used in zip(contacts, share, strict=True) if used <= TURNING_SHARE]
 
-    def _bound(self, scene: Scene, state: SceneState, object: str, object_poses, robot: str, rng) -> int:
-        """The farthest pose to which hand and object alone could go; -1: they cannot meet."""
+    def _bound(self, scene: Scene, state: SceneState, object: str, object_poses, robot: str, rng) -> tuple[int, int]:
+        """The farthest pose to which hand and object alone could go, with how many contacts; -1: they cannot meet."""
         contacts = next(self._sampled(scene, state, object, object_poses, robot, None, rng), [])
         if not contacts:
-            return -1
+            return -1, 0
         manipulation, _ = self._cleared(scene, state, object, robot)
-        return int(reach_bounds(manipulation, contacts, object_poses).max())
+        bounds = reach_bounds(manipulation, contacts, object_poses)
+        return int(bounds.max()), int((bounds == bounds.max()).sum())
 
     def _cleared(self, scene: Scene, state: SceneState, object: str, robot: str) -> tuple[Manipulation, tuple]:
         """A robot about to handle an object with the others at home, and those that have to go there first."""

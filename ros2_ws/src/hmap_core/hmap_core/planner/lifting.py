@@ -1,0 +1,95 @@
+"""What is gripped is lifted off its support where it would tip in the hand if it were dragged.
+
+The support's friction acts on the bottom of what is dragged, and turns it about the closing axis until it stands on its
+leading edge. From there it wedges itself between hand and support, whatever the pads' friction, once that friction has
+the longer lever: mu h > a, with h the height of the grip over the support and a how far the edge is ahead of the grip.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from hmap_core.contacts.feasibility import carried
+from hmap_core.contacts.hold import turning_share
+from hmap_core.contacts.push import Slide
+from hmap_core.komo.manipulation import Manipulation
+from hmap_core.planner.interfaces import RobotContact
+from hmap_core.transforms import rotation_matrix
+from hmap_core.types import Body, ContactKind, ContactPoint, Scene, SceneState
+from hmap_core.waypoints import DEFAULT_MARGIN, ObjectPathProblem
+from hmap_core.waypoints.checker import Geometry, ObjectChecker
+
+LIFT = 0.01  # m off the support
+SAME_HEIGHT = 1e-3  # m; a path that is lower has left the support
+
+
+def lifted(
+    scene: Scene,
+    state: SceneState,
+    object: str,
+    contact: RobotContact,
+    poses: np.ndarray,
+    obstacles: tuple[Body, ...],
+    turning: float,
+) -> tuple[RobotContact, np.ndarray]:
+    """The contact, and poses (M, 7) that keep the object LIFT off what it stands on at both ends.
+
+    Both as they were where dragging does no harm, where there is no room to lift the object or the arm cannot, or where
+    its weight would use up more than the share ``turning`` of the friction against turning in the hand.
+    """
+    body, own = scene.bodies[object], contact.contact
+    gripper = scene.robots[contact.robot].model.gripper
+    if own.kind != ContactKind.GRASP or gripper is None or scene.robots[contact.robot].model.held is not None:
+        return contact, poses
+    head, tail = _low(poses), _low(poses[::-1])
+    if not (drag_tips(body, own, poses[:head]) or drag_tips(body, own, poses[::-1][:tail][::-1])):
+        return contact, poses
+    if turning_share(body, [own], gripper, rotation_matrix(poses[0])[2])[0] > turning:
+        return contact, poses
+    higher = raised(poses, head, tail)
+    problem = ObjectPathProblem(body, poses[0], poses[-1], obstacles)
+    checker = ObjectChecker(problem, Geometry(problem), False, DEFAULT_MARGIN)
+    if not all(checker.motion_free(a, b) for a, b in zip(higher, higher[1:], strict=False)):
+        return contact, poses
+    manipulation = Manipulation(scene, state, contact.robot, object)
+    last = np.arange(len(poses)) == len(poses) - 1
+    keyframes = carried(manipulation, own, contact.keyframes[0], higher, last)
+    return (contact, poses) if len(keyframes) < len(poses) else (replace(contact, keyframes=keyframes), higher)
+
+
+def drag_tips(body: Body, contact: ContactPoint, poses: np.ndarray) -> bool:
+    """Whether a body that is dragged by a grasp over its support, along poses (M, 7), tips in the hand."""
+    if len(poses) < 2:
+        return False
+    slide = Slide(body, poses[0])
+    if not slide.footprint:
+        return False
+    grip = slide.level @ contact.T_obj_ee[:3]
+    closing = slide.level @ rotation_matrix(contact.T_obj_ee)[:, 1]
+    corners = np.concatenate(slide.footprint) - grip[:2]
+    for twists in slide.twists(poses):
+        way = np.zeros(2) if twists is None else twists[0, :2]
+        size = np.linalg.norm(way)
+        if size == 0.0:
+            continue
+        way = way / size
+        lever = body.friction * (grip[2] - slide.lowest) * abs(closing[1] * way[0] - closing[0] * way[1])
+        if lever > (corners @ way).max():
+            return True
+    return False
+
+
+def raised(poses: np.ndarray, head: int, tail: int) -> np.ndarray:
+    """Poses (M, 7) of which the first ``head`` and the last ``tail`` are raised, but not the very first and last."""
+    higher = poses.copy()
+    count = len(poses)
+    higher[1:head, 2] = np.maximum(higher[1:head, 2], poses[0, 2] + LIFT)
+    higher[count - tail : count - 1, 2] = np.maximum(higher[count - tail : count - 1, 2], poses[-1, 2] + LIFT)
+    higher[[0, -1]] = poses[[0, -1]]
+    return higher
+
+
+def _low(poses: np.ndarray) -> int:
+    """How many of the poses (M, 7), from the first on, are less than LIFT over the height of the first."""
+    over = poses[:, 2] - poses[0, 2]
+    return int(np.argmin(np.append((over < LIFT) & (over > -SAME_HEIGHT), False)))
