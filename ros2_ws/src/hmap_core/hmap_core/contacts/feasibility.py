@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hmap_core.contacts.hand import hand_of
 from hmap_core.contacts.hand_reach import hand_reach
@@ -22,7 +21,7 @@ from hmap_core.komo.features import pose_params_all
 from hmap_core.komo.ik import follow_ik, solve_ik_batch
 from hmap_core.komo.manipulation import Manipulation, Phase, bit, retreat_distance, retreated
 from hmap_core.komo.transcription import KomoProblem
-from hmap_core.transforms import inverse, multiply, multiply_all, rotation_matrix
+from hmap_core.transforms import inverse, multiply, multiply_all, rotation_matrices, rotation_matrix
 from hmap_core.types import ContactKind, ContactPoint
 
 RESTARTS = 2  # random configurations tried after the home posture
@@ -108,7 +107,7 @@ def reach_bounds(manipulation: Manipulation, contacts: Sequence[ContactPoint], o
     """
     M = len(object_poses)
     places = np.unique(np.round(np.linspace(0, M - 1, min(M, COARSE_POSES))).astype(int))
-    R_obj = Rotation.from_quat(object_poses[places, 3:]).as_matrix()
+    R_obj = rotation_matrices(object_poses[places])
     p_obj = np.ascontiguousarray(object_poses[places, :3])
     T_ee_tip = inverse(manipulation.T_tip_ee)
     bound = np.full(len(contacts), -1)
@@ -119,7 +118,7 @@ def reach_bounds(manipulation: Manipulation, contacts: Sequence[ContactPoint], o
         frames = np.array([contacts[k].T_obj_ee for k in members])
         back = drawn_back([contacts[k] for k in members])
         place = hand_reach(
-            R_obj, p_obj, Rotation.from_quat(frames[:, 3:]).as_matrix(), np.ascontiguousarray(frames[:, :3]), back,
+            R_obj, p_obj, rotation_matrices(frames), np.ascontiguousarray(frames[:, :3]), back,
             rotation_matrix(T_ee_tip), T_ee_tip[:3], manipulation.tip, bit(Phase.APPROACH), bit(Phase.TRANSIT),
             bit(Phase.HOLD), at_start, on_path,
         )  # fmt: skip
@@ -135,7 +134,7 @@ def drawn_back(contacts: Sequence[ContactPoint]) -> np.ndarray:
     """Where (K, 3) the end-effectors of contacts are once they have drawn back, object frame."""
     frames = np.array([c.T_obj_ee for c in contacts])
     ways = np.array([retreat_distance(c) * c.approach for c in contacts])
-    return frames[:, :3] - Rotation.from_quat(frames[:, 3:]).apply(ways)
+    return frames[:, :3] - np.einsum("kij,kj->ki", rotation_matrices(frames), ways)
 
 
 def alike(contacts: Sequence[ContactPoint]) -> list[list[int]]:

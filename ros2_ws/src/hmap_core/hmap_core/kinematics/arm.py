@@ -14,7 +14,7 @@ from hmap_core.exceptions import Code, InputError
 from hmap_core.kinematics.simplify import simplify_hull
 from hmap_core.kinematics.tree import forward, forward_last
 from hmap_core.kinematics.urdf import MOVING, Urdf, load_urdf
-from hmap_core.transforms import apply, from_matrix, multiply, to_matrix
+from hmap_core.transforms import apply, from_matrix, multiply, quaternions, to_matrix
 from hmap_core.types import HeldBody, RobotModel
 
 LINK_TOLERANCE = 0.0012  # m a simplified link hull may stick out of the true one
@@ -93,7 +93,7 @@ class Arm:
         Q = np.ascontiguousarray(Q, float)
         R, p = forward_last(Q, self.parent, self.R_joint, self.p_joint, self.prismatic)
         R_ee, p_ee = self.T_tip_ee[:3, :3], self.T_tip_ee[:3, 3]
-        return np.concatenate([p + R @ p_ee, Rotation.from_matrix(R @ R_ee).as_quat()], axis=1)
+        return np.concatenate([p + R @ p_ee, quaternions(R @ R_ee)], axis=1)
 
     def reach(self) -> np.ndarray:
         """Bound (n,) on the distance of any link point from each joint's axis; 1 for sliding joints."""
