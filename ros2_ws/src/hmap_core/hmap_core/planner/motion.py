@@ -29,7 +29,7 @@ from hmap_core.komo.transcription import KomoProblem
 from hmap_core.komo.violations import VERIFY_STEP
 from hmap_core.planner.interfaces import RobotContact, SegmentMotion
 from hmap_core.planner.transit import find_transit, resampled
-from hmap_core.transforms import IDENTITY, consistent, distance, inverse, multiply, multiply_all, pose, rotation_matrix
+from hmap_core.transforms import IDENTITY, consistent, inverse, multiply, multiply_all, pose, rotation_matrix
 from hmap_core.types import (
     ContactPoint,
     HeldBody,
@@ -491,8 +491,10 @@ class _Segment:
 
 def _thinned(object_poses: np.ndarray, keyframes: np.ndarray, fineness: float) -> tuple[np.ndarray, np.ndarray]:
     """Every few of the dense poses (K, 7) and their postures, about ``fineness`` HOLD_STEPs apart; ends are kept."""
-    moved = np.array([distance(a, b) for a, b in zip(object_poses, object_poses[1:], strict=False)]).reshape(-1, 2)
-    size = np.concatenate([[0.0], np.cumsum(np.maximum(moved[:, 0] / HOLD_STEP[0], moved[:, 1] / HOLD_STEP[1]))])
+    moved = np.linalg.norm(np.diff(object_poses[:, :3], axis=0), axis=1)
+    chord = np.linalg.norm(np.diff(consistent(object_poses)[:, 3:], axis=0), axis=1)  # of half the turn
+    turned = 4.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))
+    size = np.concatenate([[0.0], np.cumsum(np.maximum(moved / HOLD_STEP[0], turned / HOLD_STEP[1]))])
     count = max(2, int(np.ceil(size[-1] / fineness)) + 1)
     keep = np.unique(np.searchsorted(size, np.linspace(0.0, size[-1], count) - 1e-9).clip(0, len(size) - 1))
     keep[-1] = len(size) - 1
