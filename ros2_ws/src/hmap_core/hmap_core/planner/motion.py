@@ -378,8 +378,22 @@ class _Segment:
         result = problem.solve(self.start, guess)
         if not result.feasible:
             return None, result.worst
-        why = self._check(problem, result.path, cols)
-        return (None, why) if why else (result.path, "")
+        path = result.path
+        why = self._check(problem, path, cols)
+        if why.startswith("leaving"):
+            path = self._leaving_straight(problem, path)
+            why = self._check(problem, path, cols)
+        return (None, why) if why else (path, "")
+
+    def _leaving_straight(self, problem: KomoProblem, path: np.ndarray) -> np.ndarray:
+        """The path (T, n) with its retreat anew from where it lets go.
+
+        The smoothest retreat goes on as the joints moved before, if need be through another posture of the arm.
+        """
+        end = problem.last(Phase.HOLD)
+        retreating = ik_problem(self.manipulation, self.collisions, Phase.RETREAT)
+        after = draw_back(self.manipulation, retreating, self.contact, self.T_end, path[end])
+        return np.concatenate([path[: end + 1], after]) if len(after) else path
 
     def _drawn_back(self, T_world_obj: np.ndarray, q: np.ndarray, phase: Phase) -> np.ndarray:
         problem = ik_problem(self.manipulation, self.collisions, phase)
