@@ -19,7 +19,7 @@ from hmap_core.contacts.hand_reach import hand_reach
 from hmap_core.contacts.push import push_reach
 from hmap_core.komo.features import pose_params_all
 from hmap_core.komo.ik import follow_ik, solve_ik_batch
-from hmap_core.komo.manipulation import Manipulation, Phase, bit, retreat_distance, retreated
+from hmap_core.komo.manipulation import Manipulation, Phase, bit, retreat_distance
 from hmap_core.komo.transcription import KomoProblem
 from hmap_core.transforms import apply, inverse, multiply, multiply_all, rotation_matrices, rotation_matrix
 from hmap_core.types import ContactKind, ContactPoint
@@ -28,7 +28,7 @@ RESTARTS = 2  # random configurations tried after the home posture
 MAX_JUMP = 0.2  # rad a joint may turn between two neighbouring poses: about a centimetre of the hand
 APPROACH_STEPS = 4  # poses between the contact and the pre-contact pose
 COARSE_POSES = 24  # places of the object's path at which the hand alone is looked at
-CHUNK = 8  # candidates solved together
+CHUNK = 4  # candidates solved together
 MAX_SOLVED = 64  # candidates solved at most
 STRETCHED = 0.85  # of an arm's span, from where on it seldom follows
 OPENING_RESOLUTION = 1e-4  # m: contacts whose fingers open alike to this are checked together
@@ -233,9 +233,9 @@ def draw_back(
         problem: an :func:`ik_problem` of the phase in which the hand comes or goes.
         q: (n,) posture in contact.
     """
-    contact_pose, away = (multiply(T_world_obj, retreated(contact, f)) for f in (0.0, 1.0))
+    touching = multiply(T_world_obj, contact.T_obj_ee)
     fractions = np.arange(1, APPROACH_STEPS + 1)[:, None] / APPROACH_STEPS
-    poses = np.tile(away, (APPROACH_STEPS, 1))
-    poses[:, :3] = contact_pose[:3] + fractions * (away[:3] - contact_pose[:3])
+    poses = np.tile(touching, (APPROACH_STEPS, 1))
+    poses[:, :3] -= fractions * retreat_distance(contact) * (rotation_matrix(touching) @ contact.approach)
     path = follow_ik(problem, pose_params_all(manipulation.T_tip_ee, poses), q, MAX_JUMP)
     return path if len(path) == APPROACH_STEPS else path[:0]

@@ -89,9 +89,10 @@ def robot_sweeps(robot: Robot, q: np.ndarray, openings: np.ndarray, base: bool =
 def _spread(rows: np.ndarray) -> np.ndarray:
     """Indices of the first of rows (M, k), of those that differ by 1 from the last one taken, and of the last."""
     keep = [0]
-    for k in range(1, len(rows)):
-        if np.abs(rows[k] - rows[keep[-1]]).max() >= 1.0 or k == len(rows) - 1:
-            keep.append(k)
+    while keep[-1] < len(rows) - 1:
+        ahead = rows[keep[-1] + 1 :]
+        far = np.abs(ahead - rows[keep[-1]]).max(axis=1) >= 1.0
+        keep.append(keep[-1] + 1 + int(far.argmax() if far.any() else len(ahead) - 1))
     return np.array(keep)
 
 
