@@ -27,7 +27,7 @@ def from_rpy(position, rpy) -> np.ndarray:
 
 def from_matrix(matrix: np.ndarray) -> np.ndarray:
     """Pose (7,) of a homogeneous matrix (4, 4)."""
-    return np.concatenate([matrix[:3, 3], Rotation.from_matrix(matrix[:3, :3]).as_quat()])
+    return np.concatenate([matrix[:3, 3], quaternions(matrix[None, :3, :3])[0]])
 
 
 def to_matrix(T: np.ndarray) -> np.ndarray:
@@ -43,8 +43,8 @@ def _numbers(array: np.ndarray) -> list[float]:
     return np.asarray(array, float).tolist()
 
 
-def _rotated(q: Sequence[float], v: Sequence[float]) -> tuple[float, float, float]:
-    """The vector v turned by the unit quaternion q xyzw."""
+def _rotated(q: Sequence, v: Sequence) -> tuple:
+    """The vector v turned by the unit quaternion q xyzw, of numbers or of arrays."""
     x, y, z, w = q
     a, b, c = v
     tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
@@ -54,6 +54,35 @@ def _rotated(q: Sequence[float], v: Sequence[float]) -> tuple[float, float, floa
 def rotation_matrix(T: np.ndarray) -> np.ndarray:
     """Rotation matrix (3, 3) of a pose (7,)."""
     return np.array(rotation_numbers(T)).reshape(3, 3)
+
+
+def rotation_matrices(T: np.ndarray) -> np.ndarray:
+    """Rotation matrices (M, 3, 3) of poses (M, 7)."""
+    x, y, z, w = np.asarray(T, float)[:, 3:].T
+    R = np.empty((len(T), 3, 3))
+    R[:, 0, 0], R[:, 0, 1], R[:, 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
+    R[:, 1, 0], R[:, 1, 1], R[:, 1, 2] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
+    R[:, 2, 0], R[:, 2, 1], R[:, 2, 2] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
+    return R
+
+
+def quaternions(R: np.ndarray) -> np.ndarray:
+    """Unit quaternions (M, 4) xyzw of rotation matrices (M, 3, 3).
+
+    The products 4 q q^T are linear in the matrix (Shepperd, "Quaternion from rotation matrix", 1978); of its rows,
+    which are all multiples of q, the one with the largest diagonal element is taken.
+    """
+    products = np.empty((len(R), 4, 4))
+    diagonal = R[:, [0, 1, 2], [0, 1, 2]]
+    trace = diagonal.sum(axis=1)
+    products[:, [0, 1, 2], [0, 1, 2]] = 1.0 + 2.0 * diagonal - trace[:, None]
+    products[:, 3, 3] = 1.0 + trace
+    turned = R.transpose(0, 2, 1)
+    products[:, [0, 0, 1], [1, 2, 2]] = products[:, [1, 2, 2], [0, 0, 1]] = (R + turned)[:, [0, 0, 1], [1, 2, 2]]
+    products[:, :3, 3] = products[:, 3, :3] = (R - turned)[:, [2, 0, 1], [1, 2, 0]]
+    own = np.arange(len(R)), products[:, [0, 1, 2, 3], [0, 1, 2, 3]].argmax(axis=1)
+    q = products[own]
+    return q / np.sqrt(np.einsum("ij,ij->i", q, q))[:, None]
 
 
 def rotation_numbers(T: np.ndarray) -> tuple[float, ...]:
@@ -71,7 +100,8 @@ def quaternion_multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.array(_product(_numbers(a), _numbers(b)))
 
 
-def _product(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float, float]:
+def _product(a: Sequence, b: Sequence) -> tuple:
+    """Hamilton product of quaternions of numbers or of arrays."""
     ax, ay, az, aw = a
     bx, by, bz, bw = b
     return (
@@ -93,9 +123,10 @@ def multiply(T_a_b: np.ndarray, T_b_c: np.ndarray) -> np.ndarray:
 
 def multiply_all(T_a_b: np.ndarray, T_b_c: np.ndarray) -> np.ndarray:
     """``T_a_c`` (M, 7) of poses (M, 7) or (7,) each."""
-    T_a_b, T_b_c = (np.array(T) for T in np.broadcast_arrays(np.atleast_2d(T_a_b), np.atleast_2d(T_b_c)))
-    a, b = Rotation.from_quat(T_a_b[:, 3:]), Rotation.from_quat(T_b_c[:, 3:])
-    return np.concatenate([T_a_b[:, :3] + a.apply(T_b_c[:, :3]), (a * b).as_quat()], axis=1)
+    A, B = np.atleast_2d(T_a_b).T, np.atleast_2d(T_b_c).T
+    q = np.array(np.broadcast_arrays(*_product(A[3:], B[3:])))
+    p = np.array(np.broadcast_arrays(*_rotated(A[3:], B[:3]))) + A[:3]
+    return np.ascontiguousarray(np.concatenate([p, q / np.sqrt(np.einsum("ij,ij->j", q, q))]).T)
 
 
 def inverse(T_a_b: np.ndarray) -> np.ndarray:

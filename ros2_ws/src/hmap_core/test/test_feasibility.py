@@ -146,6 +146,19 @@ def test_what_is_out_of_reach_is_not_found(scene):
     assert found and all(2 <= len(f.keyframes) - 1 < 39 for f in found)
 
 
+def test_the_bound_ends_where_the_arm_is_too_short(scene):
+    task, away = manipulation(scene), line(scene, (1.6, -0.15, 0.04), 40)
+    bound = reach_bounds(task, FROM_ABOVE, away)
+    assert (bound < 39).all()
+    for k, contact in enumerate(FROM_ABOVE):
+        beyond = multiply(multiply(away[bound[k] + 3], contact.T_obj_ee), inverse(task.T_tip_ee))
+        base = scene.robots["arm"].base_pose
+        assert np.linalg.norm(beyond[:3] - apply(base, task.arm.p_joint[0])) > task.arm.span
+    beside = feasible_contacts(task, FROM_ABOVE, away, anywhere(away), np.random.default_rng(0), 2, 4)
+    assert all(len(found.keyframes) - 1 <= bound[found.index] for found in beside)
+    assert (reach_bounds(task, FROM_ABOVE, away[-3:]) == -1).all()
+
+
 def test_drawing_back_is_straight_and_free(scene):
     task, contact = manipulation(scene), FROM_ABOVE[0]
     T = scene.bodies["brick"].pose

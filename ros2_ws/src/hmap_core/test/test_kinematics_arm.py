@@ -169,6 +169,14 @@ def test_frames_of_a_model_are_the_product_of_its_transforms(names):
             assert world.frame(placed.name, 0) == 0 and world.frame(placed.name, placed.arm.n) == tip
 
 
+@pytest.mark.parametrize("name", ARMS)
+def test_no_posture_reaches_beyond_the_span_and_some_come_near_it(name):
+    robot = arm(name)
+    postures = np.random.default_rng(6).uniform(*robot.model.position_limits, (4000, robot.n))
+    reached = max(np.linalg.norm(robot.frames(q)[1][-1] - robot.p_joint[0]) for q in postures)
+    assert reached <= robot.span <= 1.03 * reached
+
+
 @pytest.mark.parametrize("names", [("panda",), ("iiwa", "panda")], ids="+".join)
 def test_point_jacobian_is_the_derivative(names):
     rng = np.random.default_rng(4)

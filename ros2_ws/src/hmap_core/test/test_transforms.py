@@ -14,6 +14,8 @@ from hmap_core.transforms import (
     multiply_all,
     pose,
     quaternion_multiply,
+    quaternions,
+    rotation_matrices,
     rotation_matrix,
     to_matrix,
 )
@@ -44,6 +46,20 @@ def test_many_poses_multiply_as_each_does():
         np.testing.assert_allclose(to_matrix(found), to_matrix(multiply(T, b)), atol=1e-12)
     np.testing.assert_allclose(multiply(a[0], IDENTITY), a[0], atol=1e-15)
     np.testing.assert_allclose(to_matrix(from_matrix(to_matrix(a[0]))), to_matrix(a[0]), atol=1e-12)
+
+
+def test_many_rotations_there_and_back():
+    """Also where the angle is half a turn, about any axis, and where there is no turn at all."""
+    axes = np.concatenate([np.eye(3), -np.eye(3), np.random.default_rng(4).normal(size=(20, 3))])
+    axes /= np.linalg.norm(axes, axis=1)[:, None]
+    vectors = np.concatenate([angle * axes for angle in (0.0, 1e-9, 1.0, np.pi - 1e-9, np.pi, 4.0)])
+    poses = np.concatenate([np.zeros_like(vectors), Rotation.from_rotvec(vectors).as_quat()], axis=1)
+    R = rotation_matrices(poses)
+    np.testing.assert_allclose(R, Rotation.from_quat(poses[:, 3:]).as_matrix(), atol=1e-15)
+    found = quaternions(R)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, atol=1e-15)
+    np.testing.assert_allclose(np.abs(np.einsum("ij,ij->i", found, poses[:, 3:])), 1.0, atol=1e-14)
+    assert rotation_matrices(poses[:0]).shape == (0, 3, 3) and quaternions(R[:0]).shape == (0, 4)
 
 
 def test_quaternions_of_a_path_do_not_turn_round():

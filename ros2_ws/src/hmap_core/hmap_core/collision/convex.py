@@ -21,7 +21,7 @@ CYLINDER_SIDES = 32  # the polygon is drawn round the circle: at most 0.5 % of t
 __all__ = ["ConvexSet", "convex_set", "hull_vertices", "set_distance", "sets_closer", "signed_distance", "transformed"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ConvexSet:
     """S convex shapes in one frame: hulls of vertices, each swept by a sphere.
 
@@ -107,8 +107,14 @@ def from_hulls(hulls: Sequence[tuple[np.ndarray, float]]) -> ConvexSet:
 
 
 def convex_set(shapes: Sequence[Shape]) -> ConvexSet:
-    """The convex set of a body's shapes, in the body frame."""
-    return from_hulls([hull_vertices(shape) for shape in shapes])
+    """The convex set of a body's shapes, in the body frame; computed once per geometry."""
+    key = tuple((s.kind, s.size, s.pose.tobytes(), s.mesh) for s in shapes)
+    if key not in _SETS:
+        _SETS[key] = from_hulls([hull_vertices(shape) for shape in shapes])
+    return _SETS[key]
+
+
+_SETS: dict[tuple, ConvexSet] = {}
 
 
 @nb.njit(**OPTIONS)

@@ -32,9 +32,16 @@ class GrownModel(CollisionModel):
     def __init__(self, base: BaseModel):
         super().__init__(list(base.hulls), list(base.frames), list(base.names), list(base.pairs), list(base.speeds))
         self._base = base
+        self._packed: tuple[tuple[int, int], Collisions] | None = None
 
     def arrays(self) -> Collisions:
-        """As :meth:`CollisionModel.arrays`."""
+        """As :meth:`CollisionModel.arrays`; packed once for the shapes and pairs so far."""
+        size = len(self.hulls), len(self.pairs)
+        if self._packed is None or self._packed[0] != size:
+            self._packed = size, self._pack()
+        return self._packed[1]
+
+    def _pack(self) -> Collisions:
         base, S, P = self._base.packed, len(self._base.hulls), len(self._base.pairs)
         vertices, radius, center, bound, edges = _columns(self.hulls[S:], 5)
         a, b, margin, phases = _columns(self.pairs[P:], 4)

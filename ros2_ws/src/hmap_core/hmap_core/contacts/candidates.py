@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from hmap_core.transforms import quaternions
 from hmap_core.types import ContactKind, ContactPoint, Gripper, HeldBody
 
 # palm to fingertip centre: a tall object ends below it, m
@@ -71,18 +71,10 @@ class Candidates:
 
     def contacts(self, chosen: np.ndarray) -> list[ContactPoint]:
         """The chosen ones (indices) as contact points."""
-        quaternions = Rotation.from_matrix(self.R[chosen]).as_quat() if len(chosen) else []
+        frames = np.concatenate([self.origin[chosen], quaternions(self.R[chosen])], axis=1)
+        columns = frames, self.point[chosen], self.normal[chosen], self.opening[chosen].tolist(), self.approach[chosen]
         return [
-            ContactPoint(
-                self.kind,
-                np.concatenate([self.origin[k], q]),
-                self.point[k].copy(),
-                self.normal[k].copy(),
-                float(self.opening[k]),
-                self.approach[k].copy(),
-                float(self.score[k]),
-            )
-            for k, q in zip(chosen, quaternions, strict=True)
+            ContactPoint(self.kind, *numbers) for numbers in zip(*columns, self.score[chosen].tolist(), strict=True)
         ]
 
 

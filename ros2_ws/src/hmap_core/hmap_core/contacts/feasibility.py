@@ -13,24 +13,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hmap_core.contacts.hand import hand_of
 from hmap_core.contacts.hand_reach import hand_reach
 from hmap_core.contacts.push import push_reach
 from hmap_core.komo.features import pose_params_all
 from hmap_core.komo.ik import follow_ik, solve_ik_batch
-from hmap_core.komo.manipulation import Manipulation, Phase, bit, retreat_distance, retreated
+from hmap_core.komo.manipulation import Manipulation, Phase, bit, retreat_distance
 from hmap_core.komo.transcription import KomoProblem
-from hmap_core.transforms import inverse, multiply, multiply_all, rotation_matrix
+from hmap_core.transforms import apply, inverse, multiply, multiply_all, rotation_matrices, rotation_matrix
 from hmap_core.types import ContactKind, ContactPoint
 
 RESTARTS = 2  # random configurations tried after the home posture
 MAX_JUMP = 0.2  # rad a joint may turn between two neighbouring poses: about a centimetre of the hand
 APPROACH_STEPS = 4  # poses between the contact and the pre-contact pose
 COARSE_POSES = 24  # places of the object's path at which the hand alone is looked at
-CHUNK = 8  # candidates solved together
+CHUNK = 4  # candidates solved together
 MAX_SOLVED = 64  # candidates solved at most
+STRETCHED = 0.85  # of an arm's span, from where on it seldom follows
 OPENING_RESOLUTION = 1e-4  # m: contacts whose fingers open alike to this are checked together
 
 
@@ -88,54 +88,78 @@ def promising(
 ) -> tuple[list[int], np.ndarray]:
     """The contacts worth asking an arm for, by the hand alone: their indices, and how far each of all (K,) could serve.
 
-    At most MAX_SOLVED, the farthest-reaching first; none of them ends before pose ``least`` of object_poses (M, 7), nor
-    where ``release`` (M,) says that the object may not be let go.
+    At most MAX_SOLVED, the farthest-reaching first, of these the ones for which the arm need not stretch. None of them
+    ends before pose ``least`` of object_poses (M, 7), nor where ``release`` (M,) says that it may not be let go.
     """
     bound = reach_bounds(manipulation, contacts, object_poses)
+    places = coarse(len(object_poses))
+    stretch = np.where(places <= bound[:, None], stretches(manipulation, contacts, object_poses[places]), 0.0)
     allowed = np.flatnonzero(release)
     # the last pose up to the bound at which the object stands by itself
     last = np.append(allowed, -1)[np.searchsorted(allowed, bound, side="right") - 1]
     bound = np.where(bound >= 0, np.where(last <= bound, last, -1), -1)
-    order = np.lexsort((np.arange(len(contacts)), -bound))
+    order = np.lexsort((np.arange(len(contacts)), stretch.max(axis=1) > STRETCHED, -bound))
     return [int(k) for k in order if bound[k] >= least][:MAX_SOLVED], bound
 
 
 def reach_bounds(manipulation: Manipulation, contacts: Sequence[ContactPoint], object_poses: np.ndarray) -> np.ndarray:
     """Farthest pose (K,) to which hand and object alone could go and the hand then leave; -1: it cannot even come.
 
-    A push ends before it would slip. The path is looked at in at most COARSE_POSES places, so this is a bound and not
-    the reach itself.
+    Nor does it go where the arm is too short to follow. A push ends before it would slip. The path is looked at in at
+    most COARSE_POSES places, so this is a bound and not the reach itself.
     """
     M = len(object_poses)
-    places = np.unique(np.round(np.linspace(0, M - 1, min(M, COARSE_POSES))).astype(int))
-    R_obj = Rotation.from_quat(object_poses[places, 3:]).as_matrix()
+    places = coarse(M)
+    R_obj = rotation_matrices(object_poses[places])
     p_obj = np.ascontiguousarray(object_poses[places, :3])
     T_ee_tip = inverse(manipulation.T_tip_ee)
+    # the first place that is blocked or out of reach is not reached, but all before it may be
+    limit = np.append(places[1:] - 1, M - 1)
+    near = stretches(manipulation, contacts, object_poses[places]) <= 1.0
+    within = np.where(near.all(axis=1), len(places), near.argmin(axis=1))
     bound = np.full(len(contacts), -1)
-    for members in alike(contacts):
+    possible = np.flatnonzero(within > 0)
+    for own in alike([contacts[k] for k in possible]):
+        members = possible[own]
         first = contacts[members[0]]
         at_start = manipulation.collisions(first, object_poses[0]).arrays()
         on_path = manipulation.surroundings(first).arrays()
         frames = np.array([contacts[k].T_obj_ee for k in members])
         back = drawn_back([contacts[k] for k in members])
         place = hand_reach(
-            R_obj, p_obj, Rotation.from_quat(frames[:, 3:]).as_matrix(), np.ascontiguousarray(frames[:, :3]), back,
+            R_obj, p_obj, rotation_matrices(frames), np.ascontiguousarray(frames[:, :3]), back,
             rotation_matrix(T_ee_tip), T_ee_tip[:3], manipulation.tip, bit(Phase.APPROACH), bit(Phase.TRANSIT),
             bit(Phase.HOLD), at_start, on_path,
         )  # fmt: skip
-        # the first place that was blocked is not reached, but all before it may be
-        limit = np.append(places[1:] - 1, M - 1)
-        bound[members] = np.where(place >= 0, limit[place], -1)
+        bound[members] = np.where(place >= 0, limit[np.minimum(place, within[members] - 1)], -1)
     scene = manipulation.scene
     hand = hand_of(scene.robots[manipulation.robot])
     return np.minimum(bound, push_reach(scene.bodies[manipulation.object], hand, contacts, object_poses))
+
+
+def coarse(M: int) -> np.ndarray:
+    """Indices of at most COARSE_POSES of M poses, the first and the last among them."""
+    return np.unique(np.round(np.linspace(0, M - 1, min(M, COARSE_POSES))).astype(int))
+
+
+def stretches(manipulation: Manipulation, contacts: Sequence[ContactPoint], object_poses: np.ndarray) -> np.ndarray:
+    """How far (K, P) the last joint is from the first one in contacts on an object at poses (P, 7), by what it can be.
+
+    Beyond 1 the arm is too short.
+    """
+    arm = manipulation.arm
+    centre = apply(manipulation.scene.robots[manipulation.robot].base_pose, arm.p_joint[0])
+    frames = np.array([contact.T_obj_ee for contact in contacts])
+    tips = frames[:, :3] + rotation_matrices(frames) @ inverse(manipulation.T_tip_ee)[:3]  # object frame
+    at = np.einsum("pij,kj->kpi", rotation_matrices(object_poses), tips) + object_poses[:, :3]
+    return np.linalg.norm(at - centre, axis=2) / arm.span
 
 
 def drawn_back(contacts: Sequence[ContactPoint]) -> np.ndarray:
     """Where (K, 3) the end-effectors of contacts are once they have drawn back, object frame."""
     frames = np.array([c.T_obj_ee for c in contacts])
     ways = np.array([retreat_distance(c) * c.approach for c in contacts])
-    return frames[:, :3] - Rotation.from_quat(frames[:, 3:]).apply(ways)
+    return frames[:, :3] - np.einsum("kij,kj->ki", rotation_matrices(frames), ways)
 
 
 def alike(contacts: Sequence[ContactPoint]) -> list[list[int]]:
@@ -209,9 +233,9 @@ def draw_back(
         problem: an :func:`ik_problem` of the phase in which the hand comes or goes.
         q: (n,) posture in contact.
     """
-    contact_pose, away = (multiply(T_world_obj, retreated(contact, f)) for f in (0.0, 1.0))
+    touching = multiply(T_world_obj, contact.T_obj_ee)
     fractions = np.arange(1, APPROACH_STEPS + 1)[:, None] / APPROACH_STEPS
-    poses = np.tile(away, (APPROACH_STEPS, 1))
-    poses[:, :3] = contact_pose[:3] + fractions * (away[:3] - contact_pose[:3])
+    poses = np.tile(touching, (APPROACH_STEPS, 1))
+    poses[:, :3] -= fractions * retreat_distance(contact) * (rotation_matrix(touching) @ contact.approach)
     path = follow_ik(problem, pose_params_all(manipulation.T_tip_ee, poses), q, MAX_JUMP)
     return path if len(path) == APPROACH_STEPS else path[:0]

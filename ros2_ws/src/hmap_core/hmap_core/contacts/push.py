@@ -275,9 +275,9 @@ def push_reach(body: Body, hand: Hand, contacts: Sequence[ContactPoint], poses: 
     """
     last = np.full(len(contacts), len(poses) - 1)
     own = np.array([k for k, c in enumerate(contacts) if c.kind == ContactKind.PUSH], int)
-    slide = Slide(body, poses[0])
     if not len(own):
         return last
+    slide = Slide(body, poses[0])
     if not slide.footprint:
         last[own] = 0
         return last

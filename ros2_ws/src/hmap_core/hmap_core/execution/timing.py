@@ -7,6 +7,7 @@ The result is stretched to a whole number of sampling periods, so that pieces jo
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -18,6 +19,7 @@ DUPLICATE_DISTANCE = 1e-6  # rad; points closer than this to the last kept one a
 LIMIT_MARGIN = 0.99  # share of the limits used in planning the speed; the rest covers what happens between grid points
 GRID_INTERVALS = 64  # of the path parameter, spread over the spline's pieces by length
 GRID_RETRIES = (1, 4)  # factors on GRID_INTERVALS that are tried in turn
+SPLINES_KEPT = 16  # a path is verified on the curve on which it is then timed
 STRETCH_ROUNDS = 20  # corrections of the duration when samples still exceed a limit
 
 
@@ -66,7 +68,13 @@ def spline(path: np.ndarray) -> CubicSpline:
     Raises:
         MotionError: the path is empty, not a matrix, or not finite.
     """
-    points = distinct_points(_checked_path(path))
+    path = np.ascontiguousarray(_checked_path(path))
+    return _spline(path.tobytes(), path.shape[1])
+
+
+@lru_cache(maxsize=SPLINES_KEPT)
+def _spline(path: bytes, joints: int) -> CubicSpline:
+    points = distinct_points(np.frombuffer(path).reshape(-1, joints))
     if len(points) == 1:
         return CubicSpline([0.0, 1.0], np.repeat(points, 2, axis=0), bc_type="natural")
     chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])

@@ -14,11 +14,14 @@ from hmap_core.exceptions import Code, InputError
 from hmap_core.kinematics.simplify import simplify_hull
 from hmap_core.kinematics.tree import forward, forward_last
 from hmap_core.kinematics.urdf import MOVING, Urdf, load_urdf
-from hmap_core.transforms import apply, from_matrix, multiply, to_matrix
+from hmap_core.transforms import apply, from_matrix, multiply, quaternions, to_matrix
 from hmap_core.types import HeldBody, RobotModel
 
 LINK_TOLERANCE = 0.0012  # m a simplified link hull may stick out of the true one
 FINGER_TOLERANCE = 0.00005  # m, for the parts that touch objects
+SPAN_POSTURES, SPAN_KEPT = 2048, 16  # looked at in each round for the span of an arm, and gone on from
+SPAN_CHANGES = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.0)  # of the joints' ranges, in each round
+SPAN_TOLERANCE = 0.002  # m
 ARMS_KEPT = 64  # arms with something in the hand that are remembered
 
 
@@ -93,7 +96,7 @@ class Arm:
         Q = np.ascontiguousarray(Q, float)
         R, p = forward_last(Q, self.parent, self.R_joint, self.p_joint, self.prismatic)
         R_ee, p_ee = self.T_tip_ee[:3, :3], self.T_tip_ee[:3, 3]
-        return np.concatenate([p + R @ p_ee, Rotation.from_matrix(R @ R_ee).as_quat()], axis=1)
+        return np.concatenate([p + R @ p_ee, quaternions(R @ R_ee)], axis=1)
 
     def reach(self) -> np.ndarray:
         """Bound (n,) on the distance of any link point from each joint's axis; 1 for sliding joints."""
@@ -124,6 +127,14 @@ class Arm:
             bound[k] = max(extent[k + 1], further)
         return np.where(self.prismatic == 1, 1.0, bound)
 
+    @cached_property
+    def span(self) -> float:
+        """Farthest that the last joint's origin comes from the first one's within the joint limits, m."""
+        key = tuple(a.tobytes() for a in (self.R_joint, self.p_joint, self.prismatic, *self.model.position_limits))
+        if key not in _SPANS:  # what an arm holds does not change it
+            _SPANS[key] = _span(self)
+        return _SPANS[key]
+
     def finger_vertices(self, opening: float) -> np.ndarray:
         """All vertices (m, 3) of the finger links in the end-effector frame; empty without a gripper."""
         return self._in_end_effector([hull.at(opening) for hull in self.hulls if hull.finger])
@@ -137,6 +148,20 @@ class Arm:
             return np.zeros((0, 3))
         inverse = np.linalg.inv(self.T_tip_ee)
         return np.concatenate(points) @ inverse[:3, :3].T + inverse[:3, 3]
+
+
+def _span(arm: Arm) -> float:
+    """:attr:`Arm.span`: the best of many postures, and of ever smaller changes of the best of these."""
+    rng = np.random.default_rng(0)
+    lower, upper = arm.model.position_limits
+    Q = rng.uniform(lower, upper, (SPAN_POSTURES, arm.n))
+    for size in SPAN_CHANGES:
+        _, p = forward_last(Q, arm.parent, arm.R_joint, arm.p_joint, arm.prismatic)
+        far = np.linalg.norm(p - arm.p_joint[0], axis=1)
+        best = Q[np.argsort(-far)[:SPAN_KEPT]]
+        changes = size * (upper - lower) * rng.uniform(-1.0, 1.0, (SPAN_POSTURES // SPAN_KEPT, SPAN_KEPT, arm.n))
+        Q = np.concatenate([best, np.clip(best + changes, lower, upper).reshape(-1, arm.n)])
+    return float(far.max()) + SPAN_TOLERANCE
 
 
 def _align_z(axis: np.ndarray) -> np.ndarray:
@@ -261,6 +286,7 @@ def holding(arm: Arm, held: HeldBody) -> Arm:
 
 
 _ARMS: dict[tuple, Arm] = {}
+_SPANS: dict[tuple, float] = {}
 _HOLDING: OrderedDict[tuple, Arm] = OrderedDict()  # the last ARMS_KEPT of the arms that hold something
 
 

@@ -1,5 +1,6 @@
 """One robot and one object through the phases of an H-MaP segment: what may touch what."""
 
+from collections import OrderedDict
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -25,6 +26,7 @@ GRASP_RETREAT = 0.10
 TOUCH_RETREAT = 0.05
 # how much wider than the object each side of the gripper opens, m
 OPENING_CLEARANCE = 0.008
+WORKSPACES_KEPT = 8  # for the next contact or motion in the same state
 
 
 class Phase(IntEnum):
@@ -67,6 +69,23 @@ def retreated(contact: ContactPoint, fraction: float = 1.0) -> np.ndarray:
     return multiply(contact.T_obj_ee, pose(-fraction * retreat_distance(contact) * contact.approach))
 
 
+_WORKSPACES: OrderedDict[tuple, Workspace] = OrderedDict()  # the last WORKSPACES_KEPT
+
+
+def _workspace(scene: Scene, state: SceneState, robot: str) -> Workspace:
+    """The workspace of one moving robot in a scene; contacts and motions from one state share it."""
+    states = (values.items() for values in (state.q, state.poses))
+    placed = tuple((name, value.tobytes()) for values in states for name, value in values)
+    key = id(scene), robot, placed, tuple(state.gripper.items())
+    known = _WORKSPACES.get(key)
+    if known is None:
+        # it holds the scene, so that no other one gets its id
+        known = _WORKSPACES[key] = Workspace(scene, state.copy(), [robot])
+        if len(_WORKSPACES) > WORKSPACES_KEPT:
+            _WORKSPACES.popitem(last=False)
+    return known
+
+
 @dataclass
 class Manipulation:
     """A robot about to handle an object in a scene.
@@ -86,7 +105,7 @@ class Manipulation:
 
     def __post_init__(self):
         self.arm = load_arm(self.scene.robots[self.robot].model)
-        self._workspace = Workspace(self.scene, self.state, [self.robot])
+        self._workspace = _workspace(self.scene, self.state, self.robot)
         self.model = self._workspace.model
         self.tip, self.T_tip_ee = self._workspace.end_effector(self.robot)
         self._leaving: dict[tuple, CollisionModel] = {}

@@ -7,15 +7,10 @@ from hmap_core.kinematics.arm import load_arm
 from hmap_core.transforms import apply
 from hmap_core.types import Body, Robot
 
-_SETS: dict[tuple, ConvexSet] = {}
-
 
 def body_set(body: Body) -> ConvexSet:
     """Convex set of a body in its own frame; computed once per geometry."""
-    key = tuple((s.kind, s.size, s.pose.tobytes(), s.mesh) for s in body.shapes)
-    if key not in _SETS:
-        _SETS[key] = convex_set(body.shapes)
-    return _SETS[key]
+    return convex_set(body.shapes)
 
 
 def posed_links(robot: Robot, q: np.ndarray, opening: float):

@@ -6,7 +6,6 @@ from dataclasses import replace
 from itertools import chain
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hmap_core.contacts.access import accessible
 from hmap_core.contacts.camera import Cloud, visible_points
@@ -28,7 +27,6 @@ from hmap_core.planner.tools import holding, spread, tools_of, within_reach
 from hmap_core.transforms import rotation_matrix
 from hmap_core.types import Body, ContactPoint, Goal, Scene, SceneState, TaskMode
 from hmap_core.waypoints import DEFAULT_MARGIN, ObjectPath, ObjectPathProblem, plan_waypoints, standing
-from hmap_core.waypoints.support import FACE_TOLERANCE
 
 SURFACE_POINTS = 600  # samples of the object's surface when looking at it
 BATCH = 240  # candidates checked at once
@@ -45,7 +43,6 @@ HOLDS_TRIED = 16  # holds on a tool for which an arm is asked
 HOLDS = 8  # of them that are kept, per robot
 HOLDS_FIRST = 3  # of these, that are asked how far they could serve; the others only where the tool and robot are among
 HOLDS_SHARE = 0.5  # those that serve at least this share of the best
-ROUNDING = 1e-9  # m, of a height
 MIN_REACH = 2  # poses a contact has to serve, unless the path is shorter
 
 
@@ -290,7 +287,7 @@ class LocalBackend:
         """Where on its way (M, 7) a body stands by itself, (M,)."""
         key = id(body_set(body)), poses.tobytes(), *((id(body_set(b)), b.pose.tobytes()) for b in obstacles)
         if key != self._stands[0]:
-            self._stands = key, _standing(body, poses, obstacles)
+            self._stands = key, standing(body, poses, obstacles)
         return self._stands[1]
 
     def _sampled(self, scene: Scene, state: SceneState, object: str, object_poses, robot: str, cloud, rng):
@@ -321,22 +318,6 @@ class LocalBackend:
                 yield batch
                 if total >= MAX_CANDIDATES:
                     break
-
-
-def _standing(body: Body, poses: np.ndarray, obstacles: Sequence[Body]) -> np.ndarray:
-    """As :func:`standing`, which only looks at bodies with a top as high as the body's lowest point at some pose."""
-    own = body_set(body)
-    up = Rotation.from_quat(poses[:, 3:]).as_matrix()[:, 2]
-    lowest = (own.vertices @ up.T - np.repeat(own.radius, np.diff(own.start))[:, None]).min(axis=0) + poses[:, 2]
-    low, high = lowest.min() - FACE_TOLERANCE, lowest.max() + FACE_TOLERANCE
-
-    def may_carry(other: Body) -> bool:
-        shapes = body_set(other)
-        height = shapes.vertices @ rotation_matrix(other.pose)[2] + other.pose[2]
-        tops = np.maximum.reduceat(height, shapes.start[:-1]) + shapes.radius
-        return bool(((tops >= low - ROUNDING) & (tops <= high + ROUNDING)).any())
-
-    return standing(body, poses, [other for other in obstacles if may_carry(other)])
 
 
 def worth(scene: Scene, contact: RobotContact) -> float:

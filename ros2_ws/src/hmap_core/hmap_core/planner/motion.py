@@ -24,11 +24,13 @@ from hmap_core.komo.manipulation import CARRIED, Manipulation, Phase, bit, free_
 from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.options import SolverOptions
 from hmap_core.komo.solver import path_violations
+from hmap_core.komo.sweep import between_violations
 from hmap_core.komo.transcription import KomoProblem
+from hmap_core.komo.violations import VERIFY_STEP
 from hmap_core.planner.hand_moves import HandMoves
 from hmap_core.planner.interfaces import RobotContact, SegmentMotion
 from hmap_core.planner.transit import find_transit, resampled
-from hmap_core.transforms import IDENTITY, consistent, distance, inverse, multiply, multiply_all, pose, rotation_matrix
+from hmap_core.transforms import IDENTITY, consistent, inverse, multiply, multiply_all, pose, rotation_matrix
 from hmap_core.types import (
     ContactPoint,
     HeldBody,
@@ -47,7 +49,7 @@ LIMIT_SAMPLES = 10  # per step of a path, at which the joint limits are verified
 SEARCHED_STEPS = 100  # points of a searched way
 HOLD_STEP = (0.04, 0.15)  # m, rad between two steps of a hold, about
 HOLD_FINENESS = (1.0, 0.3)  # shares of that step that are tried
-VERIFY_STEP = 0.001  # m any point may move between two verified configurations
+VERIFY_DEVIATION = 0.0001  # m of a path from the straight pieces that are verified in its place
 SMOOTHNESS = 1.0 / 160.0  # weight of the squared accelerations, times the number of steps cubed
 STIFFNESS = 30.0  # first penalty of the constraints, as a multiple of that weight: first guesses are nearly feasible
 SEARCH_TIME = 10.0  # s that may go into one joint-space search; its number of checks ends it earlier
@@ -317,19 +319,20 @@ def _violation(
 ) -> tuple[float, int]:
     """Worst margin violation (m) along the spline of a path, and its pair (-1: none).
 
-    ``phases`` is the bit mask of phases that counts up to the chord length ``turn``, ``then`` the one after it.
+    ``phases`` is the bit mask of phases that counts up to the chord length ``turn``, a knot; ``then`` the one after it.
+    The spline is looked at as straight pieces, from which no point is farther than VERIFY_DEVIATION.
     """
     chain = manipulation.model.chain
     knots = curve.x
-    # motion bound of a knot interval from the joint motion between its ends, with room for the curve's bulge
-    counted = (phases | then) & bit(Phase.HOLD) != 0
-    speed = cols.speed.max() if counted else 1.0  # what is held moves farther than the links
-    moved = 1.5 * speed * np.abs(np.diff(curve(knots), axis=0)) @ chain.reach
-    counts = np.maximum(1, np.ceil(moved / VERIFY_STEP)).astype(int)
-    spans = zip(knots, knots[1:], counts, strict=False)
-    s = np.concatenate([*(np.linspace(a, b, count, endpoint=False) for a, b, count in spans), knots[-1:]])
-    masks = np.where(s < turn, phases, then).astype(np.int64)
-    violation, pair = path_violations(np.ascontiguousarray(curve(s)), masks, chain, cols, 0.0)
+    speed = cols.speed.max(initial=1.0)  # what is held moves farther than the links
+    bend = speed * np.abs(curve(knots, 2)) @ chain.reach  # m, of the squared chord length; linear between knots
+    lengths = np.diff(knots)
+    counts = np.ceil(lengths * np.sqrt(np.maximum(bend[1:], bend[:-1]) / (8.0 * VERIFY_DEVIATION)))
+    first = np.concatenate([[0], np.cumsum(np.maximum(counts, 1.0))])  # number of the piece that begins at each knot
+    ends = np.interp(np.arange(first[-1] + 1), first, knots)
+    masks = np.where(ends[:-1] < turn, phases, then).astype(np.int64)
+    path = np.ascontiguousarray(curve(ends))
+    violation, pair, _ = between_violations(path, masks, chain, cols, VERIFY_STEP)
     worst = int(violation.argmax())
     return float(violation[worst]), int(pair[worst])
 
@@ -385,8 +388,22 @@ class _Segment:
         result = problem.solve(self.start, self._guess(transit, before, after))
         if not result.feasible:
             return None, result.worst
-        why = self._check(problem, result.path, cols)
-        return (None, why) if why else (result.path, "")
+        path = result.path
+        why = self._check(problem, path, cols)
+        if why.startswith("leaving"):
+            path = self._leaving_straight(problem, path)
+            why = self._check(problem, path, cols)
+        return (None, why) if why else (path, "")
+
+    def _leaving_straight(self, problem: KomoProblem, path: np.ndarray) -> np.ndarray:
+        """The path (T, n) with its retreat anew from where it lets go.
+
+        The smoothest retreat goes on as the joints moved before, if need be through another posture of the arm.
+        """
+        end = problem.last(Phase.HOLD)
+        retreating = ik_problem(self.manipulation, self.collisions, Phase.RETREAT)
+        after = draw_back(self.manipulation, retreating, self.contact, self.T_end, path[end])
+        return np.concatenate([path[: end + 1], after]) if len(after) else path
 
     def _guess(self, transit: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         """The path (T, n) after the start: a transit (T0, n), then the known postures of the other phases."""
@@ -501,8 +518,10 @@ class _Segment:
 
 def _thinned(object_poses: np.ndarray, keyframes: np.ndarray, fineness: float) -> tuple[np.ndarray, np.ndarray]:
     """Every few of the dense poses (K, 7) and their postures, about ``fineness`` HOLD_STEPs apart; ends are kept."""
-    moved = np.array([distance(a, b) for a, b in zip(object_poses, object_poses[1:], strict=False)]).reshape(-1, 2)
-    size = np.concatenate([[0.0], np.cumsum(np.maximum(moved[:, 0] / HOLD_STEP[0], moved[:, 1] / HOLD_STEP[1]))])
+    moved = np.linalg.norm(np.diff(object_poses[:, :3], axis=0), axis=1)
+    chord = np.linalg.norm(np.diff(consistent(object_poses)[:, 3:], axis=0), axis=1)  # of half the turn
+    turned = 4.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))
+    size = np.concatenate([[0.0], np.cumsum(np.maximum(moved / HOLD_STEP[0], turned / HOLD_STEP[1]))])
     count = max(2, int(np.ceil(size[-1] / fineness)) + 1)
     keep = np.unique(np.searchsorted(size, np.linspace(0.0, size[-1], count) - 1e-9).clip(0, len(size) - 1))
     keep[-1] = len(size) - 1

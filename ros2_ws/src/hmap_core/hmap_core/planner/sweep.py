@@ -4,13 +4,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hmap_core.collision.convex import ConvexSet, from_hulls, sets_nearest, transformed
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner.interfaces import SegmentMotion
-from hmap_core.transforms import multiply_all
+from hmap_core.transforms import multiply_all, quaternions
 from hmap_core.types import Robot, Scene, SceneState, SegmentKind
 
 JOINT_STEP = 0.03  # rad a joint turns between two places that are looked at
@@ -76,7 +75,7 @@ def robot_sweeps(robot: Robot, q: np.ndarray, openings: np.ndarray, base: bool =
     sweeps = []
     for frame in range(0 if base else 1, arm.n + 1):
         hulls = [h for h in arm.hulls if h.frame == frame]
-        in_base = np.concatenate([p[:, frame], Rotation.from_matrix(R[:, frame]).as_quat()], axis=1)
+        in_base = np.concatenate([p[:, frame], quaternions(R[:, frame])], axis=1)
         places = multiply_all(robot.base_pose, in_base)
         fixed = [h for h in hulls if not h.slide.any()]
         if fixed:
@@ -90,9 +89,10 @@ def robot_sweeps(robot: Robot, q: np.ndarray, openings: np.ndarray, base: bool =
 def _spread(rows: np.ndarray) -> np.ndarray:
     """Indices of the first of rows (M, k), of those that differ by 1 from the last one taken, and of the last."""
     keep = [0]
-    for k in range(1, len(rows)):
-        if np.abs(rows[k] - rows[keep[-1]]).max() >= 1.0 or k == len(rows) - 1:
-            keep.append(k)
+    while keep[-1] < len(rows) - 1:
+        ahead = rows[keep[-1] + 1 :]
+        far = np.abs(ahead - rows[keep[-1]]).max(axis=1) >= 1.0
+        keep.append(keep[-1] + 1 + int(far.argmax() if far.any() else len(ahead) - 1))
     return np.array(keep)
 
 

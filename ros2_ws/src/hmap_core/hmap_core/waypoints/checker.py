@@ -98,7 +98,8 @@ class ObjectChecker:
             lowest = feet(self.body, rotation_matrix(problem.start))[1] + float(problem.start[2])
             below = everything.upper[:, 2] <= lowest + SUPPORT_TOLERANCE
             carrying = below & (everything.upper[:, 2] >= lowest - SUPPORT_TOLERANCE)
-            support = Support(self.body, everything, carrying, problem.start)
+            carriers = [everything.hulls[k] for k in np.flatnonzero(carrying)]
+            support = Support(self.body, carriers, problem.start)
             if support.holds(problem.start) and support.holds(problem.goal):
                 self.support = support
             shapes = everything.kept(~below)

@@ -1,18 +1,17 @@
 """Where on its path a body could be let go of: it stands there by itself."""
 
-from collections import namedtuple
 from collections.abc import Sequence
 
 import numpy as np
 
-from hmap_core.collision.convex import ConvexSet, convex_set
-from hmap_core.transforms import apply, rotation_matrix
+from hmap_core.collision.convex import ConvexSet
+from hmap_core.komo.shapes import body_set
+from hmap_core.transforms import apply, rotation_matrices, rotation_matrix
 from hmap_core.types import Body
 from hmap_core.waypoints.support import FACE_TOLERANCE, Support
 
 # poses whose height (m) and tilt differ by less stand on the same support
 SAME = 1e-6
-_Shapes = namedtuple("_Shapes", "hulls")
 
 
 def standing(body: Body, poses: np.ndarray, obstacles: Sequence[Body]) -> np.ndarray:
@@ -21,30 +20,40 @@ def standing(body: Body, poses: np.ndarray, obstacles: Sequence[Body]) -> np.nda
     A body that rests at the first pose in a way not understood here (a ball) counts as standing wherever it has the
     same height and tilt.
     """
-    own = convex_set(body.shapes)
-    sets = [(other, convex_set(other.shapes)) for other in obstacles]
-    hulls = [(apply(o.pose, shapes.hull(s)), shapes.radius[s]) for o, shapes in sets for s in range(len(shapes))]
-    tops = np.array([points[:, 2].max() + radius for points, radius in hulls])
+    own = body_set(body)
+    up = rotation_matrices(poses)[:, 2]
+    lowest = _lowest(own, up) + poses[:, 2]
+    tops = [(T, shapes, s, top) for T, shapes in _posed(obstacles) for s, top in enumerate(_tops(shapes, T))]
+    carrying = np.abs(np.array([top for *_, top in tops]) - lowest[:, None]) <= FACE_TOLERANCE  # (M, shapes)
     stands = np.zeros(len(poses), bool)
-    support, reference = None, None
-    for m, T in enumerate(poses):
-        carrying = np.abs(tops - _lowest(own, T)) <= FACE_TOLERANCE
-        if not carrying.any():
-            continue
-        if reference is None or not _alike(reference, T):
-            support, reference = Support(own, _Shapes(hulls), carrying, T), T
-        stands[m] = support.holds(T)
-    if not stands[0]:
-        stands |= np.array([_alike(poses[0], T) for T in poses])
-    return stands
+    todo = np.flatnonzero(carrying.any(axis=1))
+    while len(todo):
+        first = todo[0]
+        same = _alike(poses, up, first)[todo]
+        carriers = [tops[k] for k in np.flatnonzero(carrying[first])]
+        hulls = [(apply(T, shapes.hull(s)), shapes.radius[s]) for T, shapes, s, _ in carriers]
+        support = Support(own, hulls, poses[first])
+        stands[todo[same]] = [support.holds(T) for T in poses[todo[same]]]
+        todo = todo[~same]
+    return stands if stands[0] else stands | _alike(poses, up, 0)
 
 
-def _lowest(body: ConvexSet, T: np.ndarray) -> float:
-    height = body.vertices @ rotation_matrix(T)[2] + T[2]
-    return min(height[body.start[s] : body.start[s + 1]].min() - body.radius[s] for s in range(len(body)))
+def _posed(obstacles: Sequence[Body]) -> list[tuple[np.ndarray, ConvexSet]]:
+    return [(other.pose, body_set(other)) for other in obstacles]
 
 
-def _alike(a: np.ndarray, b: np.ndarray) -> bool:
-    """Whether two poses differ by planar motion only."""
-    tilt = rotation_matrix(a)[2] - rotation_matrix(b)[2]
-    return bool(abs(a[2] - b[2]) < SAME and np.abs(tilt).max() < SAME)
+def _tops(shapes: ConvexSet, T: np.ndarray) -> np.ndarray:
+    """Height (S,) in metres of the highest point of each shape of a body at T (7,)."""
+    height = shapes.vertices @ rotation_matrix(T)[2] + T[2]
+    return np.maximum.reduceat(height, shapes.start[:-1]) + shapes.radius
+
+
+def _lowest(body: ConvexSet, up: np.ndarray) -> np.ndarray:
+    """Height (M,) of a body's lowest point over its origin, turned so that ``up`` (M, 3) in its frame is up."""
+    return (body.vertices @ up.T - np.repeat(body.radius, np.diff(body.start))[:, None]).min(axis=0)
+
+
+def _alike(poses: np.ndarray, up: np.ndarray, reference: int) -> np.ndarray:
+    """Which (M,) of the poses (M, 7) differ from one of them by planar motion only."""
+    level = np.abs(poses[:, 2] - poses[reference, 2]) < SAME
+    return level & (np.abs(up - up[reference]).max(axis=1) < SAME)

@@ -1,5 +1,8 @@
 """Whether a body that slides on its support stays on it."""
 
+from collections.abc import Sequence
+from functools import lru_cache
+
 import numpy as np
 from numba import njit
 from scipy.spatial import ConvexHull, QhullError
@@ -17,6 +20,8 @@ SUPPORT_STEP = 0.005
 # polygons thinner than this carry nothing, m
 _THIN = 1e-6
 _MAX_CORNERS = 160
+# bodies whose centre of mass is remembered
+BODIES_KEPT = 256
 
 
 def _polygon(points: np.ndarray) -> np.ndarray:
@@ -41,6 +46,7 @@ def feet(body: ConvexSet, R: np.ndarray) -> tuple[list[np.ndarray], float]:
     return [f for f in faces if len(f) >= 3], lowest
 
 
+@lru_cache(maxsize=BODIES_KEPT)
 def centre_of_mass(body: ConvexSet) -> np.ndarray:
     """Centroid (3,) in the body frame of shapes of the same density; overlaps count twice."""
     total, moment = 0.0, np.zeros(3)
@@ -174,16 +180,15 @@ class Support:
 
     Args:
         body: in its own frame.
-        shapes: the obstacle shapes, world frame.
-        carrying: (SB,) which of them reach up to the body's lowest point.
+        carriers: vertices (n, 3), world frame, and radius of each shape that reaches up to the body's lowest point.
         reference: T_world_obj (7,); poses asked about differ from it by planar motion.
 
     Attributes:
         arrays: what ``held_along`` has to know of it.
     """
 
-    def __init__(self, body: ConvexSet, shapes, carrying: np.ndarray, reference: np.ndarray):
-        tops = [_face(h, r, True, h[:, 2].max() + r) for (h, r), c in zip(shapes.hulls, carrying, strict=True) if c]
+    def __init__(self, body: ConvexSet, carriers: Sequence[tuple[np.ndarray, float]], reference: np.ndarray):
+        tops = [_face(h, r, True, h[:, 2].max() + r) for h, r in carriers]
         R = rotation_matrix(reference)
         arm = float(np.linalg.norm((body.vertices @ R.T)[:, :2], axis=1).max())
         com = (R @ centre_of_mass(body))[:2].copy()

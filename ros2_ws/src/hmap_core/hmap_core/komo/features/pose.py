@@ -5,12 +5,11 @@ import math
 import numba as nb
 import numpy as np
 from numba import carray, cfunc
-from scipy.spatial.transform import Rotation
 
 from hmap_core.collision.gjk import INLINE
 from hmap_core.komo.features.base import CALLBACK, KERNEL, Feature
 from hmap_core.komo.features.relative import relative_point
-from hmap_core.transforms import rotation_numbers
+from hmap_core.transforms import rotation_matrices, rotation_numbers
 
 
 @nb.njit(**INLINE)
@@ -109,7 +108,7 @@ def pose_params(T_frame_offset: np.ndarray, T_reference_target: np.ndarray) -> n
 def pose_params_all(T_frame_offset: np.ndarray, T_reference_target: np.ndarray) -> np.ndarray:
     """:func:`pose_params` (M, 24) of one offset (7,) and many targets (M, 7)."""
     M = len(T_reference_target)
-    targets = Rotation.from_quat(T_reference_target[:, 3:]).as_matrix().reshape(M, 9)
+    targets = rotation_matrices(T_reference_target).reshape(M, 9)
     offset = np.array((*T_frame_offset[:3].tolist(), *rotation_numbers(T_frame_offset)))
     return np.concatenate([np.tile(offset, (M, 1)), T_reference_target[:, :3], targets], axis=1)
 
