@@ -25,6 +25,7 @@ from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.options import SolverOptions
 from hmap_core.komo.solver import path_violations
 from hmap_core.komo.transcription import KomoProblem
+from hmap_core.planner.hand_moves import HandMoves
 from hmap_core.planner.interfaces import RobotContact, SegmentMotion
 from hmap_core.planner.transit import find_transit, resampled
 from hmap_core.transforms import IDENTITY, consistent, distance, inverse, multiply, multiply_all, pose, rotation_matrix
@@ -277,7 +278,8 @@ def _move(scene: Scene, state: SceneState, robot: str, object: str | None, q: np
     cols = relaxed(manipulation.model.chain, problem.arrays(), start, 1)
     path = np.concatenate([start[None], result.path]) if result.feasible else None
     if path is None or _violation(manipulation, verification(cols), spline(path), 1)[1] >= 0:
-        corners = find_transit(manipulation.model.chain, cols, 1, start, q, rng, deadline)
+        moves = HandMoves(manipulation, collisions)
+        corners = find_transit(moves, manipulation.model.chain, cols, 1, start, q, rng, deadline)
         if corners is None:
             raise MotionError(f"robot '{robot}' finds no way to move on: {result.worst}")
         path = np.concatenate([start[None], resampled(corners, SEARCHED_STEPS)])
@@ -347,36 +349,48 @@ class _Segment:
     def solve(self, rng: np.random.Generator, deadline: float) -> list[_Piece]:
         before = self._drawn_back(self.T_start, self.keyframes[0], Phase.APPROACH)
         after = self._drawn_back(self.T_end, self.keyframes[-1], Phase.RETREAT)
-        problem = self._problem(before[-1])
-        coming, carrying, leaving = self._parts(problem, self._searched(problem, before, after, rng, deadline))
+        coming, carrying, leaving = self._parts(*self._searched(before, after, rng, deadline))
         pieces = self._coming(coming), self._carrying(carrying), self._leaving(leaving)
         return [part for piece in pieces for part in _in_hand(self.scene, piece)]
 
-    def _searched(self, problem: KomoProblem, before, after, rng, deadline: float) -> np.ndarray:
-        """The verified path (T, n), from the straight way to the contact or from one found by search."""
+    def _searched(self, before, after, rng, deadline: float) -> tuple[KomoProblem, np.ndarray]:
+        """The verified path (T, n) and its problem: from the straight way to the contact or from one found by search.
+
+        What was found by search is taken as it is where the optimiser, which smooths it, makes it collide.
+        """
+        steps = _transit_steps(self.start, before[-1])
+        problem = self._problem(steps, len(after) > 0)
         cols = relaxed(problem.chain, problem.arrays(), self.start, bit(Phase.TRANSIT))
-        steps = problem.steps_per_phase[Phase.TRANSIT]
         straight = self.start + np.linspace(0.0, 1.0, steps + 1)[1:, None] * (before[-1] - self.start)
         path, why = self._attempt(problem, cols, straight, before, after)
         if path is None and not why.startswith("carrying"):
             until = min(deadline, time.monotonic() + SEARCH_TIME)
-            corners = find_transit(problem.chain, cols, bit(Phase.TRANSIT), self.start, before[-1], rng, until)
+            moves, mask = HandMoves(self.manipulation, self.collisions), bit(Phase.TRANSIT)
+            corners = find_transit(moves, problem.chain, cols, mask, self.start, before[-1], rng, until)
             if corners is None:
                 raise MotionError(f"robot '{self.robot}' cannot get to the contact on '{self.object}': {why}")
             path, why = self._attempt(problem, cols, resampled(corners, steps), before, after)
+            if path is None and not why.startswith("carrying"):
+                problem = self._problem(SEARCHED_STEPS, len(after) > 0)
+                path = self._guess(resampled(corners, SEARCHED_STEPS), before, after)
+                why = self._check(problem, path, cols)
+                path = None if why else path
         if path is None:
             error = _CutCorner if why.startswith("carrying") else MotionError
             raise error(f"robot '{self.robot}' finds no motion with its contact on '{self.object}': {why}")
-        return path
+        return problem, path
 
     def _attempt(self, problem, cols, transit, before, after) -> tuple[np.ndarray | None, str]:
         """Solves from one first guess of the transit (T0, n); returns the verified path, or None and what is wrong."""
-        guess = np.concatenate([transit, before[-2::-1], self.keyframes, after])
-        result = problem.solve(self.start, guess)
+        result = problem.solve(self.start, self._guess(transit, before, after))
         if not result.feasible:
             return None, result.worst
         why = self._check(problem, result.path, cols)
         return (None, why) if why else (result.path, "")
+
+    def _guess(self, transit: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """The path (T, n) after the start: a transit (T0, n), then the known postures of the other phases."""
+        return np.concatenate([transit, before[-2::-1], self.keyframes, after])
 
     def _drawn_back(self, T_world_obj: np.ndarray, q: np.ndarray, phase: Phase) -> np.ndarray:
         problem = ik_problem(self.manipulation, self.collisions, phase)
@@ -386,9 +400,9 @@ class _Segment:
             raise MotionError(f"robot '{self.robot}' cannot {what} the contact on '{self.object}'", Code.NO_MOTION)
         return path
 
-    def _problem(self, before: np.ndarray, leaving: bool = True) -> KomoProblem:
+    def _problem(self, transit_steps: int, leaving: bool) -> KomoProblem:
         retreat = APPROACH_STEPS if leaving else 0
-        steps = (_transit_steps(self.start, before), APPROACH_STEPS, len(self.poses) - 1, retreat)
+        steps = (transit_steps, APPROACH_STEPS, len(self.poses) - 1, retreat)
         problem = KomoProblem(self.manipulation.model.chain, steps, self.collisions, _options(sum(steps)))
         feature = relative_pose(self.manipulation.tip, IDENTITY, IDENTITY)
         fractions = np.arange(APPROACH_STEPS + 1) / APPROACH_STEPS  # as in draw_back
@@ -437,8 +451,7 @@ class _Segment:
     def come(self, rng: np.random.Generator, deadline: float) -> _Piece:
         """The transit to the contact and the closing of the gripper alone."""
         before = self._drawn_back(self.T_start, self.keyframes[0], Phase.APPROACH)
-        problem = self._problem(before[-1], leaving=False)
-        path = self._searched(problem, before, self.keyframes[:0], rng, deadline)
+        _, path = self._searched(before, self.keyframes[:0], rng, deadline)
         return self._coming(np.concatenate([self.start[None], path]))
 
     def leave(self) -> _Piece:

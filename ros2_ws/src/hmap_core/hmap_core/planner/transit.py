@@ -1,92 +1,163 @@
-"""A way for the arm when optimisation alone finds none: RRTConnect in joint space, as a first guess for KOMO."""
+"""A way for the arm when optimisation alone finds none, as a first guess for KOMO or as it is.
+
+Two trees that grow towards each other as in RRT-Connect (Kuffner and LaValle, ICRA 2000). They grow by straight motions
+of the joints, and by straight moves of the hand: a hand with a tool under a shelf can slide, but hardly any motion of
+single joints leads it out of there. Both kinds go as far as they are free, which is looked at between their postures
+too: with a long tool in the hand, small turns of the joints pass through thin boards.
+"""
 
 import time
 
 import numpy as np
-from ompl import base as ob
-from ompl import geometric as og
 
 from hmap_core.collision.scene_model import Collisions
 from hmap_core.kinematics.chain import Chain
 from hmap_core.komo.solver import path_violations
-from hmap_core.planner.ompl_seeding import box, seeded
+from hmap_core.komo.sweep import between_violations
+from hmap_core.planner.hand_moves import HandMoves
+from hmap_core.transforms import rotation_matrix
 
-RESOLUTION = 0.05  # rad between two checked configurations of an edge
-RANGE = 0.8  # rad, longest extension of the tree
-CHECKS = 20_000  # configurations after which the search gives up, whatever the clock says
+INTERVAL = 0.1  # rad, longest straight motion that is looked at as one
+RANGE = 0.8  # rad, longest extension of a tree by a motion of the joints
+HAND_RANGE = 0.3  # m, by a move of the hand
+HAND_SHARE = 0.5  # of the extensions that are moves of the hand
+AROUND = 0.2  # m beyond start and goal in which the hand is sent about
+UNSEEN = 1e-3  # m that a pair may come nearer between two looks
+SLACK = 1e-4  # m that margins may be left by: postures from inverse kinematics are that good
+CHECKS = 40_000  # looks after which the search gives up, whatever the clock says
+INTERVAL_LOOKS, HAND_LOOKS = 3, 3  # what an interval, and a posture from inverse kinematics, cost in looks
 SHORTCUTS = 60
 
 
 class _Free:
-    """Counts and answers collision checks of configurations in the phases of a mask."""
+    """Counts and answers collision checks of motions in the phases of a mask."""
 
     def __init__(self, chain: Chain, cols: Collisions, mask: int):
-        self._chain, self._cols, self._mask = chain, cols, mask
-        self.checks = 0
+        self.chain, self._mask = chain, mask
+        self._cols = cols._replace(margin=cols.margin - SLACK)
+        self.looks = 0
 
-    def path(self, a: np.ndarray, b: np.ndarray) -> bool:
-        """Whether the straight motion from a to b (n,) is free at the resolution."""
-        steps = max(1, int(np.ceil(np.abs(b - a).max() / RESOLUTION)))
-        return self.configurations(a + np.linspace(0.0, 1.0, steps + 1)[1:, None] * (b - a))
+    def reached(self, path: np.ndarray) -> int:
+        """How many of the postures (m + 1, n) after the first are reached freely, straight from one to the next."""
+        steps = self._before_hit(path_violations(path[1:], self._masks(len(path) - 1), self.chain, self._cols, 0.0)[1])
+        self.looks += len(path) - 1 + INTERVAL_LOOKS * steps
+        path = path[: steps + 1]
+        return self._before_hit(between_violations(path, self._masks(steps), self.chain, self._cols, UNSEEN)[1])
 
-    def configurations(self, Q: np.ndarray) -> bool:
-        self.checks += len(Q)
-        masks = np.full(len(Q), self._mask, np.int64)
-        return not (path_violations(np.ascontiguousarray(Q), masks, self._chain, self._cols, 0.0)[1] >= 0).any()
+    def line(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Postures (m + 1, n) straight from a to b (n,), INTERVAL apart or less."""
+        steps = max(1, int(np.ceil(np.abs(b - a).max() / INTERVAL)))
+        return a + np.linspace(0.0, 1.0, steps + 1)[:, None] * (b - a)
+
+    def straight(self, a: np.ndarray, b: np.ndarray) -> bool:
+        """Whether the straight motion from a to b (n,) is free."""
+        line = self.line(a, b)
+        return self.reached(line) == len(line) - 1
+
+    def _masks(self, count: int) -> np.ndarray:
+        return np.full(count, self._mask, np.int64)
+
+    @staticmethod
+    def _before_hit(pairs: np.ndarray) -> int:
+        """How many come before the first of (M,) in which a pair is hit."""
+        return int(np.append(pairs >= 0, True).argmax())
 
 
-class _Motions(ob.MotionValidator):
-    def __init__(self, si, free: _Free, read):
-        super().__init__(si)
-        self._free, self._read = free, read
+class _Tree:
+    """Postures that are reached from a first one, and where the hand is in each."""
 
-    def checkMotion(self, first, second) -> bool:
-        return bool(self._free.path(self._read(first), self._read(second)))
+    def __init__(self, q: np.ndarray, moves: HandMoves):
+        self._moves = moves
+        self.postures, self.hands, self._parents = q[None], moves.poses(q[None]), [-1]
+
+    def add(self, path: np.ndarray, parent: int) -> int:
+        """A branch of postures (m, n); returns the number of its last one."""
+        for _ in path:
+            self._parents.append(parent)
+            parent = len(self._parents) - 1
+        self.postures = np.concatenate([self.postures, path])
+        self.hands = np.concatenate([self.hands, self._moves.poses(path)])
+        return parent
+
+    def nearest(self, q: np.ndarray) -> int:
+        return int(np.linalg.norm(self.postures - q, axis=1).argmin())
+
+    def nearest_hand(self, point: np.ndarray) -> int:
+        return int(np.linalg.norm(self.hands[:, :3] - point, axis=1).argmin())
+
+    def branch(self, k: int) -> np.ndarray:
+        """Postures (m, n) from the first one to the k-th."""
+        numbers = []
+        while k >= 0:
+            numbers.append(k)
+            k = self._parents[k]
+        return self.postures[numbers[::-1]]
 
 
 def find_transit(
-    chain: Chain, cols: Collisions, mask: int, start: np.ndarray, goal: np.ndarray, rng: np.random.Generator,
-    deadline: float,
+    moves: HandMoves, chain: Chain, cols: Collisions, mask: int, start: np.ndarray, goal: np.ndarray,
+    rng: np.random.Generator, deadline: float,
 ) -> np.ndarray | None:  # fmt: skip
     """Corners (m, n) of a free joint path from start to goal (n,), shortened; None when none was found.
 
     Args:
+        moves: of the hand, among the same things.
         chain, cols, mask: what moves, what keeps apart, and the bit mask of phases that counts.
         rng: the only source of randomness.
         deadline: ``time.monotonic()`` after which to give up.
     """
     free = _Free(chain, cols, mask)
-    with seeded(rng):
-        path = _connect(free, chain, start, goal, deadline)
+    path = _connect(free, moves, start, goal, rng, deadline)
     return None if path is None else _shortened(free, path, rng)
 
 
-def _connect(free: _Free, chain: Chain, start, goal, deadline) -> np.ndarray | None:
-    n = len(start)
-    space = ob.RealVectorStateSpace(n)
-    space.setBounds(box(np.minimum.reduce([chain.lower, start, goal]), np.maximum.reduce([chain.upper, start, goal])))
+def _connect(free: _Free, moves: HandMoves, start, goal, rng: np.random.Generator, deadline) -> np.ndarray | None:
+    """Postures (m, n) from start to goal (n,), straight between them, in which the trees have met."""
+    trees = _Tree(start, moves), _Tree(goal, moves)
+    ends = np.concatenate([tree.hands[:, :3] for tree in trees])
+    room = ends.min(axis=0) - AROUND, ends.max(axis=0) + AROUND
+    grown, other, new = *trees, 0
+    while free.looks < CHECKS and time.monotonic() < deadline:
+        if new is not None:
+            near = other.nearest(grown.postures[new])
+            line = free.line(other.postures[near], grown.postures[new])
+            count = free.reached(line)
+            if count == len(line) - 1:
+                ways = grown.branch(new), other.branch(near)
+                return np.concatenate([ways[0], ways[1][::-1]] if grown is trees[0] else [ways[1], ways[0][::-1]])
+            if count > 0:
+                other.add(line[count : count + 1], near)
+        grown, other = other, grown
+        new = _by_hand(free, moves, grown, room, rng) if rng.random() < HAND_SHARE else _by_joints(free, grown, rng)
+    return None
 
-    def read(state) -> np.ndarray:
-        return np.array([state[i] for i in range(n)])
 
-    si = ob.SpaceInformation(space)
-    si.setStateValidityChecker(lambda state: bool(free.configurations(read(state)[None])))
-    motions = _Motions(si, free, read)
-    si.setMotionValidator(motions)
-    si.setup()
-    problem = ob.ProblemDefinition(si)
-    first, last = si.allocState(), si.allocState()
-    for i in range(n):
-        first[i], last[i] = float(start[i]), float(goal[i])
-    problem.setStartAndGoalStates(first, last)
-    planner = og.RRTConnect(si)
-    planner.setRange(RANGE)
-    planner.setProblemDefinition(problem)
-    planner.setup()
-    planner.solve(ob.PlannerTerminationCondition(lambda: free.checks >= CHECKS or time.monotonic() >= deadline))
-    if not problem.hasExactSolution():
-        return None
-    return np.array([read(s) for s in problem.getSolutionPath().getStates()])
+def _by_joints(free: _Free, tree: _Tree, rng: np.random.Generator) -> int | None:
+    """Grows a tree towards a random posture; returns the number of the new one, None where it cannot."""
+    target = rng.uniform(free.chain.lower, free.chain.upper)
+    near = tree.nearest(target)
+    line = free.line(tree.postures[near], target)[: int(RANGE / INTERVAL) + 1]
+    count = free.reached(line)
+    return tree.add(line[count : count + 1], near) if count > 0 else None
+
+
+def _by_hand(free: _Free, moves: HandMoves, tree: _Tree, room, rng: np.random.Generator) -> int | None:
+    """Grows a tree by a move of the hand towards a random point of the room (two corners (3,)).
+
+    Only along one, two or all three axes, of the world or of the hand: narrow places lie along one or the other.
+    """
+    point = rng.uniform(*room)
+    near = tree.nearest_hand(point)
+    hand = tree.hands[near]
+    axes = np.eye(3) if rng.random() < 0.5 else rotation_matrix(hand)
+    kept = rng.random(3) < 0.5
+    kept[rng.integers(3)] = True
+    way = axes @ (kept * ((point - hand[:3]) @ axes))
+    way *= min(1.0, HAND_RANGE / np.linalg.norm(way))
+    path = moves.along(tree.postures[near], way)
+    free.looks += HAND_LOOKS * len(path)
+    count = free.reached(path) if len(path) > 1 else 0
+    return tree.add(path[1 : count + 1], near) if count > 0 else None
 
 
 def _shortened(free: _Free, path: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -97,7 +168,7 @@ def _shortened(free: _Free, path: np.ndarray, rng: np.random.Generator) -> np.nd
         i, j = sorted(rng.integers(0, len(path) - 1, 2))
         a = path[i] + rng.random() * (path[i + 1] - path[i])
         b = path[j] + rng.random() * (path[j + 1] - path[j])
-        if i != j and free.path(a, b):
+        if i != j and free.straight(a, b):
             path = np.concatenate([path[: i + 1], [a, b], path[j + 1 :]])
     return path
 
