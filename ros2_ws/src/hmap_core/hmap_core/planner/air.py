@@ -51,7 +51,7 @@ class Air:
         return not (between_violations(path, masks, self._chain, cols, UNSEEN)[1] >= 0).any()
 
     def ways(self, rng: np.random.Generator, deadline: float, narrow: bool) -> Iterator[np.ndarray]:
-        """Corners (m, n) of ways found by search, the ones with most room first.
+        """Ways (m, n) found by search, the ones with most room first.
 
         Args:
             narrow: whether ways with no more room than the links have are wanted, too.

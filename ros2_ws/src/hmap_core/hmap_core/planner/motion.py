@@ -45,7 +45,6 @@ SAMPLE_PERIOD = 0.02  # s between two samples of a plan
 JOINT_STEP = 0.2  # rad between two steps of a transit, about
 TRANSIT_STEPS = (8, 24)  # least and most
 LIMIT_SAMPLES = 10  # per step of a path, at which the joint limits are verified
-SEARCHED_STEPS = 100  # points of a searched way
 HOLD_STEP = (0.04, 0.15)  # m, rad between two steps of a hold, about
 HOLD_FINENESS = (1.0, 0.3)  # shares of that step that are tried
 VERIFY_STEP = 0.001  # m any point may move between two verified configurations
@@ -283,7 +282,7 @@ def _move(scene: Scene, state: SceneState, robot: str, object: str | None, q: np
         path = None
     air = Air(manipulation, collisions, cols, start, q, 1)
     if path is None or not air.has_room(path):
-        searched = _searched_way(manipulation, cols, start, air.ways(rng, deadline, path is None))
+        searched = _free_as_spline(manipulation, cols, air.ways(rng, deadline, path is None))
         path = path if searched is None else searched
         if path is None:
             raise MotionError(f"robot '{robot}' finds no way to move on: {result.worst}")
@@ -291,13 +290,10 @@ def _move(scene: Scene, state: SceneState, robot: str, object: str | None, q: np
     return _Piece(robot, timed, np.full(len(timed), state.gripper[robot]))
 
 
-def _searched_way(manipulation, cols, start: np.ndarray, ways: Iterator[np.ndarray]) -> np.ndarray | None:
-    """The first of some ways, by their corners (m, n), that is free as a spline (M, n), the start included."""
-    for way in ways:
-        path = np.concatenate([start[None], resampled(way, SEARCHED_STEPS)])
-        if _violation(manipulation, verification(cols), spline(path), 1)[1] < 0:
-            return path
-    return None
+def _free_as_spline(manipulation, cols, ways: Iterator[np.ndarray]) -> np.ndarray | None:
+    """The first of some ways (m, n) that is free as a spline."""
+    cols = verification(cols)
+    return next((way for way in ways if _violation(manipulation, cols, spline(way), 1)[1] < 0), None)
 
 
 def _options(steps: int) -> SolverOptions:
@@ -385,8 +381,8 @@ class _Segment:
                 return problem, path
             found = path if found is None else found
             if not why.startswith(CARRYING):
-                fine = self._problem(SEARCHED_STEPS, len(after) > 0)
-                path = self._guess(resampled(way, SEARCHED_STEPS), before, after)
+                fine = self._problem(len(way) - 1, len(after) > 0)
+                path = self._guess(way[1:], before, after)
                 why = self._check(fine, path, cols)
                 if not why:
                     return fine, path
