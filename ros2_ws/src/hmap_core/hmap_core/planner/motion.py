@@ -7,6 +7,7 @@ so what was verified for the object stays true for the object in the hand.
 """
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -27,9 +28,9 @@ from hmap_core.komo.solver import path_violations
 from hmap_core.komo.sweep import between_violations
 from hmap_core.komo.transcription import KomoProblem
 from hmap_core.komo.violations import VERIFY_STEP
-from hmap_core.planner.hand_moves import HandMoves
+from hmap_core.planner.air import Air
 from hmap_core.planner.interfaces import RobotContact, SegmentMotion
-from hmap_core.planner.transit import find_transit, resampled
+from hmap_core.planner.transit import resampled
 from hmap_core.transforms import IDENTITY, consistent, inverse, multiply, multiply_all, pose, rotation_matrix
 from hmap_core.types import (
     ContactPoint,
@@ -46,7 +47,6 @@ SAMPLE_PERIOD = 0.02  # s between two samples of a plan
 JOINT_STEP = 0.2  # rad between two steps of a transit, about
 TRANSIT_STEPS = (8, 24)  # least and most
 LIMIT_SAMPLES = 10  # per step of a path, at which the joint limits are verified
-SEARCHED_STEPS = 100  # points of a searched way
 HOLD_STEP = (0.04, 0.15)  # m, rad between two steps of a hold, about
 HOLD_FINENESS = (1.0, 0.3)  # shares of that step that are tried
 VERIFY_DEVIATION = 0.0001  # m of a path from the straight pieces that are verified in its place
@@ -63,6 +63,7 @@ GRIPPER_SPEED = 0.1  # m/s of the opening
 LIFTS = (0.06, 0.03, 0.015)  # m that what was taken is lifted by, where there is room
 LIFT_STEP = 0.01  # m between two postures of that
 SAME_OPENING = 1e-9  # m
+CARRYING = "carrying"  # what is said first of a motion that is wrong on the object's path
 SETTLE = 0.3  # s that the fingers get to settle after they have closed or opened
 
 
@@ -279,18 +280,22 @@ def _move(scene: Scene, state: SceneState, robot: str, object: str | None, q: np
     result = problem.solve(start, initial)
     cols = relaxed(manipulation.model.chain, problem.arrays(), start, 1)
     path = np.concatenate([start[None], result.path]) if result.feasible else None
-    if path is None or _violation(manipulation, verification(cols), spline(path), 1)[1] >= 0:
-        moves = HandMoves(manipulation, collisions)
-        corners = find_transit(moves, manipulation.model.chain, cols, 1, start, q, rng, deadline)
-        if corners is None:
+    if path is not None and _violation(manipulation, verification(cols), spline(path), 1)[1] >= 0:
+        path = None
+    air = Air(manipulation, collisions, cols, start, q, 1)
+    if path is None or not air.has_room(path):
+        searched = _free_as_spline(manipulation, cols, air.ways(rng, deadline, path is None))
+        path = path if searched is None else searched
+        if path is None:
             raise MotionError(f"robot '{robot}' finds no way to move on: {result.worst}")
-        path = np.concatenate([start[None], resampled(corners, SEARCHED_STEPS)])
-        too_close, pair = _violation(manipulation, verification(cols), spline(path), 1)
-        if pair >= 0:
-            near = " and ".join(collisions.pair_name(pair))
-            raise MotionError(f"robot '{robot}' on its way: {near} are {too_close * 1e3:.1f} mm too close")
     timed = _timed_free(scene, robot, path)
     return _Piece(robot, timed, np.full(len(timed), state.gripper[robot]))
+
+
+def _free_as_spline(manipulation, cols, ways: Iterator[np.ndarray]) -> np.ndarray | None:
+    """The first of some ways (m, n) that is free as a spline."""
+    cols = verification(cols)
+    return next((way for way in ways if _violation(manipulation, cols, spline(way), 1)[1] < 0), None)
 
 
 def _options(steps: int) -> SolverOptions:
@@ -359,29 +364,37 @@ class _Segment:
     def _searched(self, before, after, rng, deadline: float) -> tuple[KomoProblem, np.ndarray]:
         """The verified path (T, n) and its problem: from the straight way to the contact or from one found by search.
 
-        What was found by search is taken as it is where the optimiser, which smooths it, makes it collide.
+        A way with room round what is held comes first. What was found by search is taken as it is where the optimiser,
+        which smooths it, makes it collide or takes the room.
         """
-        steps = _transit_steps(self.start, before[-1])
+        steps, mask = _transit_steps(self.start, before[-1]), bit(Phase.TRANSIT)
         problem = self._problem(steps, len(after) > 0)
-        cols = relaxed(problem.chain, problem.arrays(), self.start, bit(Phase.TRANSIT))
+        cols = relaxed(problem.chain, problem.arrays(), self.start, mask)
+        air = Air(self.manipulation, self.collisions, cols, self.start, before[-1], mask)
+        until = min(deadline, time.monotonic() + SEARCH_TIME)
         straight = self.start + np.linspace(0.0, 1.0, steps + 1)[1:, None] * (before[-1] - self.start)
-        path, why = self._attempt(problem, cols, straight, before, after)
-        if path is None and not why.startswith("carrying"):
-            until = min(deadline, time.monotonic() + SEARCH_TIME)
-            moves, mask = HandMoves(self.manipulation, self.collisions), bit(Phase.TRANSIT)
-            corners = find_transit(moves, problem.chain, cols, mask, self.start, before[-1], rng, until)
-            if corners is None:
-                raise MotionError(f"robot '{self.robot}' cannot get to the contact on '{self.object}': {why}")
-            path, why = self._attempt(problem, cols, resampled(corners, steps), before, after)
-            if path is None and not why.startswith("carrying"):
-                problem = self._problem(SEARCHED_STEPS, len(after) > 0)
-                path = self._guess(resampled(corners, SEARCHED_STEPS), before, after)
-                why = self._check(problem, path, cols)
-                path = None if why else path
-        if path is None:
-            error = _CutCorner if why.startswith("carrying") else MotionError
-            raise error(f"robot '{self.robot}' finds no motion with its contact on '{self.object}': {why}")
-        return problem, path
+        found, why = self._attempt(problem, cols, straight, before, after)
+        if found is not None and air.has_room(np.concatenate([self.start[None], found[:steps]])):
+            return problem, found
+        what = "cannot get to the contact on"
+        for way in air.ways(rng, until, found is None) if not why.startswith(CARRYING) else ():
+            what = "finds no motion with its contact on"
+            path, why = self._attempt(problem, cols, resampled(way, steps), before, after)
+            if path is not None and air.has_room(np.concatenate([self.start[None], path[:steps]])):
+                return problem, path
+            found = path if found is None else found
+            if not why.startswith(CARRYING):
+                fine = self._problem(len(way) - 1, len(after) > 0)
+                path = self._guess(way[1:], before, after)
+                why = self._check(fine, path, cols)
+                if not why:
+                    return fine, path
+            if why.startswith(CARRYING):
+                break
+        if found is None:
+            error = _CutCorner if why.startswith(CARRYING) else MotionError
+            raise error(f"robot '{self.robot}' {what} '{self.object}': {why}")
+        return problem, found
 
     def _attempt(self, problem, cols, transit, before, after) -> tuple[np.ndarray | None, str]:
         """Solves from one first guess of the transit (T0, n); returns the verified path, or None and what is wrong."""
@@ -404,6 +417,10 @@ class _Segment:
         retreating = ik_problem(self.manipulation, self.collisions, Phase.RETREAT)
         after = draw_back(self.manipulation, retreating, self.contact, self.T_end, path[end])
         return np.concatenate([path[: end + 1], after]) if len(after) else path
+
+    def _guess(self, transit: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """The path (T, n) after the start: a transit (T0, n), then the known postures of the other phases."""
+        return np.concatenate([transit, before[-2::-1], self.keyframes, after])
 
     def _guess(self, transit: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         """The path (T, n) after the start: a transit (T0, n), then the known postures of the other phases."""
@@ -440,7 +457,7 @@ class _Segment:
 
     def _check(self, problem: KomoProblem, path: np.ndarray, cols: Collisions) -> str:
         """What is violated between the steps, or nothing."""
-        names = "coming", "carrying", "leaving"
+        names = "coming", CARRYING, "leaving"
         own = zip(names, self._parts(problem, path), strict=True)
         parts = {what: part for what, part in own if what == "coming" or len(part) > 1}
         cols = verification(cols)
@@ -455,7 +472,7 @@ class _Segment:
         turn = knots[-1 - APPROACH_STEPS] if len(knots) > APPROACH_STEPS else 0.0
         masks = {
             "coming": (bit(Phase.TRANSIT), turn, bit(Phase.APPROACH)),
-            "carrying": (bit(Phase.HOLD) | CARRIED,),
+            CARRYING: (bit(Phase.HOLD) | CARRIED,),
             "leaving": (bit(Phase.RETREAT),),
         }
         found = {what: _violation(self.manipulation, cols, curve, *masks[what]) for what, curve in curves.items()}

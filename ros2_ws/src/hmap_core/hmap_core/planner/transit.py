@@ -26,7 +26,9 @@ UNSEEN = 1e-3  # m that a pair may come nearer between two looks
 SLACK = 1e-4  # m that margins may be left by: postures from inverse kinematics are that good
 CHECKS = 40_000  # looks after which the search gives up, whatever the clock says
 INTERVAL_LOOKS, HAND_LOOKS = 3, 3  # what an interval, and a posture from inverse kinematics, cost in looks
-SHORTCUTS = 60
+SHORTCUTS = 200
+POINTS = 100  # of the path that is found, about
+SMOOTHINGS = 60  # times that its points move towards the middle of their neighbours
 
 
 class _Free:
@@ -53,6 +55,11 @@ class _Free:
         """Whether the straight motion from a to b (n,) is free."""
         line = self.line(a, b)
         return self.reached(line) == len(line) - 1
+
+    def hit(self, path: np.ndarray) -> np.ndarray:
+        """Which intervals (m,) of a path (m + 1, n), straight between its postures, are not free."""
+        self.looks += INTERVAL_LOOKS * (len(path) - 1)
+        return between_violations(path, self._masks(len(path) - 1), self.chain, self._cols, UNSEEN)[1] >= 0
 
     def _masks(self, count: int) -> np.ndarray:
         return np.full(count, self._mask, np.int64)
@@ -98,7 +105,7 @@ def find_transit(
     moves: HandMoves, chain: Chain, cols: Collisions, mask: int, start: np.ndarray, goal: np.ndarray,
     rng: np.random.Generator, deadline: float,
 ) -> np.ndarray | None:  # fmt: skip
-    """Corners (m, n) of a free joint path from start to goal (n,), shortened; None when none was found.
+    """Postures (m, n) of a free joint path from start to goal (n,), short and smooth; None when none was found.
 
     Args:
         moves: of the hand, among the same things.
@@ -108,7 +115,7 @@ def find_transit(
     """
     free = _Free(chain, cols, mask)
     path = _connect(free, moves, start, goal, rng, deadline)
-    return None if path is None else _shortened(free, path, rng)
+    return None if path is None else _smoothed(free, _shortened(free, path, rng))
 
 
 def _connect(free: _Free, moves: HandMoves, start, goal, rng: np.random.Generator, deadline) -> np.ndarray | None:
@@ -170,6 +177,26 @@ def _shortened(free: _Free, path: np.ndarray, rng: np.random.Generator) -> np.nd
         b = path[j] + rng.random() * (path[j + 1] - path[j])
         if i != j and free.straight(a, b):
             path = np.concatenate([path[: i + 1], [a, b], path[j + 1 :]])
+    return path
+
+
+def _smoothed(free: _Free, path: np.ndarray) -> np.ndarray:
+    """The path with about POINTS points, its corners among them, moved between their neighbours where that is free."""
+    length = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    counts = np.maximum(1, np.ceil(POINTS * length / length.sum())).astype(int)
+    pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(path, path[1:], counts, strict=False)]
+    path = np.concatenate([*pieces, path[-1:]])
+    for _ in range(SMOOTHINGS):
+        moved = path.copy()
+        moved[1:-1] = 0.5 * path[1:-1] + 0.25 * (path[:-2] + path[2:])
+        hit = free.hit(moved)
+        while hit.any():
+            kept = np.append(hit, False) | np.append(False, hit)
+            if np.array_equal(moved[kept], path[kept]):
+                return path
+            moved[kept] = path[kept]
+            hit = free.hit(moved)
+        path = moved
     return path
 
 

@@ -1,0 +1,73 @@
+"""Ways of a robot through the air, with room round what it holds.
+
+A tool gives way in the grip, so in physical tasks it is kept farther from things than links are, where that can be had.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hmap_core.collision.scene_model import CollisionModel, Collisions
+from hmap_core.komo.allowances import relaxed
+from hmap_core.komo.manipulation import Manipulation
+from hmap_core.komo.sweep import between_violations
+from hmap_core.planner.hand_moves import HandMoves
+from hmap_core.planner.transit import UNSEEN, find_transit
+from hmap_core.types import TaskMode
+
+ROOMS = (0.01, 0.005)  # m round what is held that are asked for, one after the other
+STRAYS = 0.0005  # m that a way may come nearer than the last of these
+
+
+class Air:
+    """What a robot meets on its way from one posture to another.
+
+    Args:
+        manipulation: the robot, with what it holds.
+        collisions, cols: what keeps apart, and its arrays, with margins that the start keeps.
+        start, goal: (n,).
+        mask: bit mask of the phases that count.
+    """
+
+    def __init__(
+        self, manipulation: Manipulation, collisions: CollisionModel, cols: Collisions, start, goal, mask: int
+    ):
+        self._chain, self._cols, self._mask = manipulation.model.chain, cols, mask
+        self._start, self._goal = start, goal
+        self._moves = HandMoves(manipulation, collisions)
+        scene = manipulation.scene
+        held = scene.robots[manipulation.robot].model.held
+        gives_way = held is not None and scene.mode != TaskMode.KINEMATIC
+        self._rooms = ROOMS if gives_way else ()
+        self._held = np.array([gives_way and name == f"{manipulation.robot}/{held.name}" for name in collisions.names])
+
+    def has_room(self, path: np.ndarray) -> bool:
+        """Whether a way (M, n) from the start to the goal keeps the least room, where these have it."""
+        if not self._rooms:
+            return True
+        cols = self._with_room(self._rooms[-1])
+        cols = cols._replace(margin=cols.margin - STRAYS)
+        masks = np.full(len(path) - 1, self._mask, np.int64)
+        return not (between_violations(path, masks, self._chain, cols, UNSEEN)[1] >= 0).any()
+
+    def ways(self, rng: np.random.Generator, deadline: float, narrow: bool) -> Iterator[np.ndarray]:
+        """Ways (m, n) found by search, the ones with most room first.
+
+        Args:
+            narrow: whether ways with no more room than the links have are wanted, too.
+            deadline: ``time.monotonic()`` after which to give up.
+        """
+        for room in (*self._rooms, 0.0) if narrow else self._rooms:
+            cols = self._with_room(room) if room else self._cols
+            way = find_transit(self._moves, self._chain, cols, self._mask, self._start, self._goal, rng, deadline)
+            if way is not None:
+                yield way
+
+    def _with_room(self, room: float) -> Collisions:
+        """The pairs with ``room`` between what is held and what stands around, less where start or goal have less."""
+        cols, stands = self._cols, self._cols.frame == 0
+        own = (self._held[cols.a] & stands[cols.b]) | (self._held[cols.b] & stands[cols.a])
+        cols = cols._replace(margin=np.where(own, np.maximum(cols.margin, room), cols.margin))
+        for q in (self._start, self._goal):
+            cols = relaxed(self._chain, cols, q, self._mask)
+        return cols
