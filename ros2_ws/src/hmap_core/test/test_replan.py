@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planner_fixtures import carry
+from replan_fixtures import FAR, RADIUS, hand, on_the_way_to_the_contact, plan, with_body  # noqa: F401
 
 from hmap_core import planner, transforms
 from hmap_core.exceptions import Code, ContactError
-from hmap_core.kinematics.arm import load_arm
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import LocalBackend
 from hmap_core.planner.conflicts import Conflict, first_conflict, unknown_bodies
@@ -26,31 +25,6 @@ from hmap_core.planner.interruption import (
 from hmap_core.planner.replan import KeepingBackend
 from hmap_core.simulation.dynamic import sphere
 from hmap_core.validation import check
-
-RADIUS = 0.03
-ASIDE = -1.2  # rad that the arm is turned at the start, away from where the brick goes
-FAR = sphere("ball", RADIUS, np.array([-0.5, 0.5, 0.5]))
-
-
-@pytest.fixture(scope="module")
-def plan(tmp_path_factory):
-    """A brick is carried along the table, which is far from everything else."""
-    scene = carry(tmp_path_factory.mktemp("carry"), wall=0.001, motion="planar")
-    scene = replace(scene, bodies={name: body for name, body in scene.bodies.items() if name != "wall"})
-    state = scene.start_state()
-    state.q["arm"][0] += ASIDE
-    return planner.plan(scene, state=state, seed=1)
-
-
-def hand(plan, k: int, behind: float = 0.0) -> np.ndarray:
-    """A point (3,) of the hand at a sample, so far (m) behind its end effector."""
-    arm = plan.scene.robots["arm"]
-    tip = load_arm(arm.model).end_effector(plan.trajectory.joints["arm"][k])
-    return transforms.apply(transforms.multiply(arm.base_pose, tip), np.array([0.0, 0.0, -behind]))
-
-
-def with_body(plan, body):
-    return replace(plan.scene, bodies=plan.scene.bodies | {body.name: body})
 
 
 def test_a_body_far_away_is_no_conflict(plan):
@@ -99,18 +73,6 @@ def test_with_nothing_in_the_way_the_whole_plan_is_kept(plan):
     new = planner.plan(scene, state=state, backend=backend)
     assert backend.kept == {"paths": 1, "contacts": len(contacts(plan)), "motions": len(contacts(plan))}
     assert np.allclose(new.trajectory.joints["arm"], plan.trajectory.joints["arm"])
-
-
-def on_the_way_to_the_contact(plan):
-    """A small ball that the hand runs into on its way to the object, and is clear of from then on."""
-    made = contacts(plan)[0]
-    for share in np.linspace(0.2, 0.8, 13):
-        body = sphere("ball", 0.015, hand(plan, int(share * made.begin), behind=0.06))
-        before = first_conflict(plan, {"ball": body})
-        after = first_conflict(plan, {"ball": body}, plan.trajectory.time[made.begin])
-        if before.time > 0.0 and after is None:
-            return body
-    raise AssertionError("there is no such place")
 
 
 def test_a_blocked_transit_is_planned_anew_for_the_kept_contact(plan):

@@ -122,6 +122,21 @@ def take(
     return _assembled(scene, state, pieces)
 
 
+def come(
+    scene: Scene, state: SceneState, contact: RobotContact, object: str, rng: np.random.Generator, time_limit: float
+) -> SegmentMotion:
+    """The motion in which a robot comes to a contact in exactly the posture keyframes[0], and closes its gripper.
+
+    Raises:
+        MotionError: NO_MOTION.
+    """
+    deadline = time.monotonic() + time_limit
+    pieces, cleared = _make_room(scene, state, contact, object, rng, deadline)
+    pieces += _rise_to_open(scene, cleared, contact, object)
+    pieces.append(_Segment(scene, cleared, object, contact, state.poses[object][None]).come(rng, deadline, exact=True))
+    return _assembled(scene, state, pieces)
+
+
 def put_down(
     scene: Scene,
     state: SceneState,
@@ -401,6 +416,14 @@ class _Segment:
         problem.add(Objective(feature, ObjectiveType.EQ, range(first, first + len(targets)), params=params))
         return problem
 
+    def _coming_as(self, before: np.ndarray) -> KomoProblem:
+        """Coming to the keyframe through the postures (APPROACH_STEPS, n) before it, the farthest last."""
+        steps = (_transit_steps(self.start, before[-1]), APPROACH_STEPS, 0, 0)
+        problem = KomoProblem(self.manipulation.model.chain, steps, self.collisions, _options(sum(steps)))
+        for step, q in enumerate([*before[::-1], self.keyframes[0]], problem.last(Phase.TRANSIT)):
+            problem.add(Objective(joint_position(q), ObjectiveType.EQ, [step]))
+        return problem
+
     def _parts(self, problem: KomoProblem, path: np.ndarray) -> list[np.ndarray]:
         """The coming (M0, n), carrying (M1, n) and leaving (M2, n) parts; each starts where the last ended."""
         contact, end = problem.last(Phase.APPROACH), problem.last(Phase.HOLD)
@@ -434,10 +457,10 @@ class _Segment:
             if pair >= 0
         )
 
-    def come(self, rng: np.random.Generator, deadline: float) -> _Piece:
-        """The transit to the contact and the closing of the gripper alone."""
+    def come(self, rng: np.random.Generator, deadline: float, exact: bool = False) -> _Piece:
+        """The transit to the contact and the closing of the gripper alone; ``exact``: just as in the keyframe."""
         before = self._drawn_back(self.T_start, self.keyframes[0], Phase.APPROACH)
-        problem = self._problem(before[-1], leaving=False)
+        problem = self._coming_as(before) if exact else self._problem(before[-1], leaving=False)
         path = self._searched(problem, before, self.keyframes[:0], rng, deadline)
         return self._coming(np.concatenate([self.start[None], path]))
 

@@ -131,9 +131,9 @@ class KeepingBackend:
     ) -> list[RobotContact]:
         """The old plan's contact at this place, once; else as the backend says.
 
-        Where the old contact is of no more use as it was, the old ones are checked for the poses ahead, as checking a
-        few is faster than looking for others. Then the backend is asked for one that ends where the old one did, as
-        the contacts after it may still be good.
+        On another path the old ones are checked for the poses ahead, as checking a few is faster than looking for
+        others. On the old path the backend is asked first for one that ends where the old one did, as the contacts
+        after it may still be good.
         """
 
         def ask(poses: np.ndarray) -> list[RobotContact]:
@@ -148,11 +148,11 @@ class KeepingBackend:
         if found is not None and found.robot in (robots or scene.robots):
             self.kept["contacts"] += 1
             return [found]
-        known = self._known(scene, state, object_poses, robots or tuple(scene.robots), seed)
+        known = [] if here else self._known(scene, state, object_poses, robots or tuple(scene.robots), seed)
         if known:
             self.kept["contacts"] += 1
             return known
-        if here:
+        if here and here[1] + 1 < len(object_poses):
             try:
                 return ask(object_poses[: here[1] + 1])
             except ContactError:
