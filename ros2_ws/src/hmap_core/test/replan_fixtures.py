@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from planner_fixtures import carry
 
 from hmap_core import planner, transforms
@@ -17,8 +16,7 @@ ASIDE = -1.2  # rad that the arm is turned at the start, away from where the bri
 FAR = sphere("ball", RADIUS, np.array([-0.5, 0.5, 0.5]))
 
 
-@pytest.fixture(scope="module")
-def plan(tmp_path_factory):
+def brick_plan(tmp_path_factory):
     """A brick is carried along the table, which is far from everything else."""
     scene = carry(tmp_path_factory.mktemp("carry"), wall=0.001, motion="planar")
     scene = replace(scene, bodies={name: body for name, body in scene.bodies.items() if name != "wall"})

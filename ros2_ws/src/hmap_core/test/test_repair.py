@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from replan_fixtures import FAR, on_the_way_to_the_contact, plan, with_body  # noqa: F401
+from replan_fixtures import FAR, brick_plan, on_the_way_to_the_contact, with_body
 
 from hmap_core import planner, transforms
 from hmap_core.exceptions import HmapError
@@ -17,6 +17,11 @@ from hmap_core.simulation.dynamic import sphere
 from hmap_core.validation import check
 
 NUDGE = 0.002  # m
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory):
+    return brick_plan(tmp_path_factory)
 
 
 def mended(plan, scene, state, at=0.0):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from replan_fixtures import FAR, RADIUS, hand, on_the_way_to_the_contact, plan, with_body  # noqa: F401
+from replan_fixtures import FAR, RADIUS, brick_plan, hand, on_the_way_to_the_contact, with_body
 
 from hmap_core import planner, transforms
 from hmap_core.exceptions import Code, ContactError
@@ -25,6 +25,11 @@ from hmap_core.planner.interruption import (
 from hmap_core.planner.replan import KeepingBackend
 from hmap_core.simulation.dynamic import sphere
 from hmap_core.validation import check
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory):
+    return brick_plan(tmp_path_factory)
 
 
 def test_a_body_far_away_is_no_conflict(plan):

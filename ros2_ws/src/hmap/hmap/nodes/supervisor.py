@@ -238,7 +238,7 @@ class Supervisor(HmapNode):
         scene = replace(now, goal=scene.goal)
         backend = RosBackend(self._caller(job))
         job.plans += 1
-        began = time.monotonic()
+        began, cpu = time.monotonic(), time.thread_time()
         seed = int(job.goal.seed) + job.plans - 1
         options = {
             "time_limit": limit,
@@ -255,12 +255,17 @@ class Supervisor(HmapNode):
         ended = time.monotonic()
         stats = {"planning_time_s": ended - began, **plan.stats, "plans": job.plans, "blocked": job.blocked}
         if old is not None:
-            spent = {"planning_s": stats["planning_time_s"], "with_judge_s": ended - began}
-            job.replans.append(spent | {"after_seen_s": ended - changed, "kept": kept})
-            self.get_logger().info(
-                f"planned anew in {stats['planning_time_s']:.2f} s, with the judge in {ended - began:.2f} s, "
-                f"{ended - changed:.2f} s after the obstacle was seen last; kept: {kept}"
+            job.replans.append(
+                {
+                    "planning_s": stats["planning_time_s"],
+                    "planning_cpu_s": plan.stats.get("planning_cpu_s"),
+                    "with_judge_s": ended - began,
+                    "with_judge_cpu_s": time.thread_time() - cpu if kept else None,
+                    "after_seen_s": ended - changed,
+                    "kept": kept,
+                }
             )
+            self.get_logger().info(f"planned anew: {job.replans[-1]}")
         if job.replans:
             stats["obstacle_replans"] = list(job.replans)
         plan = replace(plan, stats=stats)

@@ -133,6 +133,7 @@ class Repair:
         ahead = self._ahead
         if not ahead:
             raise PlannerError("nothing of the old plan is left", Code.NO_MOTION)
+        began = time.thread_time()
         state, motions, shown = self._planner.start, [], []
         ways = self.taken_over, self.with_new_way, self.with_its_contact, self.in_one_contact, self.planned
         for errand in ahead:
@@ -146,12 +147,13 @@ class Repair:
                 motions.append(part.motion)
                 state = state_after(state, part.motion)
         self._check_goal(state)
-        planning_time = time.monotonic() - self._planner.began
+        planning_time, planning_cpu = time.monotonic() - self._planner.began, time.thread_time() - began
         for before, parts in shown:
             self._judge(before, parts)
         goal = self._scene.goal
         stats = {
             "planning_time_s": planning_time,
+            "planning_cpu_s": planning_cpu,
             "waypoints": len(ahead),
             "contacts": sum(len(errand.contacts) for errand in ahead),
             "mode_switches": sum(len(part.segments) for part in motions) - 1,
