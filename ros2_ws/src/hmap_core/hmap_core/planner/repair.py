@@ -16,6 +16,7 @@ import numpy as np
 
 from hmap_core import transforms
 from hmap_core.exceptions import Code, ContactError, HmapError, MotionError, PlannerError
+from hmap_core.execution.measured import upright
 from hmap_core.execution.stretches import index_at
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import motion
@@ -26,22 +27,15 @@ from hmap_core.planner.conflicts import first_conflict, unknown_bodies
 from hmap_core.planner.interfaces import Backend, RobotContact, SegmentMotion
 from hmap_core.planner.interruption import state_at
 from hmap_core.planner.local import LocalBackend, away_from_home
-from hmap_core.planner.replan import (
-    NEAR,
-    NEAR_TURN,
-    POSITION_STEP,
-    ROTATION_STEP,
-    SAME,
-    SAME_JOINT,
-    SAME_OPENING,
-    SAME_TURN,
-    KeptSegment,
-    contact_of,
-    kept_segments,
-)
+from hmap_core.planner.replan import KeptSegment, contact_of, kept_segments
 from hmap_core.types import Body, BodyKind, Goal, Plan, Scene, SceneState, Segment, Trajectory
 from hmap_core.validation import check
 
+POSITION_STEP, ROTATION_STEP = 0.01, float(np.deg2rad(3.0))  # m, rad between kept poses of an object
+NEAR, NEAR_TURN = 0.01, float(np.deg2rad(5.0))  # m, rad off its path at which it is still taken up
+SAME, SAME_TURN = 1e-4, 1e-3  # m, rad: an object stands where the plan has it
+SAME_JOINT = 1e-3  # rad: so does a robot
+SAME_OPENING = 1e-3  # m: so does a gripper
 PATH_TIME = 2.0  # s for one of them
 CONTACTS = 2  # looked for, and tried, on a path
 REST = 3  # samples at rest in a contact, with which the judge is shown a way to it
@@ -212,7 +206,8 @@ class Repair:
         """What is left of the path of an errand's object, where it is by hand, in one contact, and free.
 
         Returns:
-            The samples (M,) of the plan, and the poses (M, 7), the first of which is where the object stands.
+            The samples (M,) of the plan, and the poses (M, 7), the first of which is where the object stands; what
+            slides stays at the height where it is.
         """
         kept = errand.alone
         if kept is None or kept.segment.manipulator in self._plan.scene.bodies:
@@ -226,7 +221,9 @@ class Repair:
         span = self._span(ahead[0], ahead[-1])
         if first_conflict(self._plan, self._around(errand, state), *span, [name], robots=()) is not None:
             return None
-        return ahead, transforms.consistent(np.concatenate([state.poses[name][None], rows[ahead[1:]]]))
+        here = state.poses[name]
+        poses = np.array([here, *(upright(T, here) for T in rows[ahead[1:-1]]), rows[ahead[-1]]])
+        return ahead, transforms.consistent(poses)
 
     def in_one_contact(self, errand: PlannedErrand, state: SceneState) -> "list[_Part] | None":
         """In one contact all the way, along the old path of the object or another one."""
