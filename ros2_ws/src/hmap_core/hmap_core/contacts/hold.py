@@ -7,10 +7,11 @@ Each pad resists a turn about the closing axis like a disc of radius r under the
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from hmap_core.collision.convex import convex_set
 from hmap_core.contacts.access import on_face
 from hmap_core.contacts.solids import solids
+from hmap_core.komo.shapes import body_set
 from hmap_core.transforms import IDENTITY, rotation_matrix
 from hmap_core.types import Body, ContactKind, ContactPoint, Gripper, HeldBody
 from hmap_core.waypoints.support import centre_of_mass
@@ -25,14 +26,14 @@ def turning_share(body: Body, contacts: Sequence[ContactPoint], gripper: Gripper
 
     ``up`` (3,) is the vertical in the body's frame. Contacts that are no grasps use nothing.
     """
-    centre = centre_of_mass(convex_set(body.shapes))
+    centre = centre_of_mass(body_set(body))
     capacity = 4.0 / 3.0 * body.friction * gripper.force * gripper.pad_half_width
     share = np.zeros(len(contacts))
-    for k, contact in enumerate(contacts):
-        if contact.kind == ContactKind.GRASP:
-            closing = rotation_matrix(contact.T_obj_ee)[:, 1]
-            moment = np.cross(centre - contact.T_obj_ee[:3], -body.mass * GRAVITY * up) @ closing
-            share[k] = abs(moment) / capacity
+    own = [k for k, contact in enumerate(contacts) if contact.kind == ContactKind.GRASP]
+    if own:
+        frames = np.array([contacts[k].T_obj_ee for k in own])
+        moments = np.cross(centre - frames[:, :3], -body.mass * GRAVITY * up)
+        share[own] = np.abs(np.einsum("ni,ni->n", moments, _closing(frames))) / capacity
     return share
 
 
@@ -43,12 +44,17 @@ def pushing_share(held: HeldBody, gripper: Gripper, body: Body, contacts: Sequen
     """
     capacity = 4.0 / 3.0 * held.friction * gripper.force * gripper.pad_half_width
     force = body.friction * body.mass * GRAVITY
-    share = np.zeros(len(contacts))
-    for k, contact in enumerate(contacts):
-        closing = rotation_matrix(contact.T_obj_ee)[:, 1]
-        moment = np.cross(contact.point - contact.T_obj_ee[:3], force * contact.normal) @ closing
-        share[k] = abs(moment) / capacity
-    return share
+    if not contacts:
+        return np.zeros(0)
+    frames = np.array([contact.T_obj_ee for contact in contacts])
+    arms = np.array([contact.point for contact in contacts]) - frames[:, :3]
+    moments = np.cross(arms, force * np.array([contact.normal for contact in contacts]))
+    return np.abs(np.einsum("ni,ni->n", moments, _closing(frames))) / capacity
+
+
+def _closing(frames: np.ndarray) -> np.ndarray:
+    """The axes (N, 3) along which fingers close in end-effector frames (N, 7)."""
+    return Rotation.from_quat(frames[:, 3:]).as_matrix()[:, :, 1]
 
 
 def pad_balance(body: Body, contacts: Sequence[ContactPoint], gripper: Gripper) -> np.ndarray:

@@ -408,12 +408,12 @@ def _at_rest(state: SceneState, contact: Segment, period: float) -> SegmentMotio
 
 def _steps(rows: np.ndarray, first: int, last: int) -> np.ndarray:
     """Samples from ``first`` to ``last`` between which a body at rows (N, 7) moves about a step."""
-    kept = [first]
-    for k in range(first + 1, last + 1):
-        moved, turned = transforms.distance(rows[kept[-1]], rows[k])
-        if moved >= POSITION_STEP or turned >= ROTATION_STEP or k == last:
-            kept.append(k)
-    return np.array(kept)
+    poses = rows[first : last + 1]
+    moved = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1) / POSITION_STEP
+    dots = np.abs(np.einsum("ij,ij->i", poses[1:, 3:], poses[:-1, 3:])).clip(0.0, 1.0)
+    way = np.concatenate([[0.0], np.cumsum(np.maximum(moved, 2.0 * np.arccos(dots) / ROTATION_STEP))])
+    kept = np.searchsorted(way, np.arange(0.0, way[-1]))
+    return first + np.unique([0, *kept, last - first])
 
 
 def plan_anew(
