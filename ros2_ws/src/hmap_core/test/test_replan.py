@@ -1,16 +1,11 @@
-"""Planning anew in the middle of a plan: conflicts are found, what is good is kept, and the new plan is valid."""
+"""A body in the way of a plan: conflicts are found, how far it is still good, and how a hand lets go."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from planner_fixtures import carry
+from replan_fixtures import FAR, RADIUS, brick_plan, hand
 
-from hmap_core import planner, transforms
-from hmap_core.exceptions import Code, ContactError
-from hmap_core.kinematics.arm import load_arm
-from hmap_core.plan_file import to_dict
-from hmap_core.planner import LocalBackend
 from hmap_core.planner.conflicts import Conflict, first_conflict, unknown_bodies
 from hmap_core.planner.interruption import (
     back_to,
@@ -23,34 +18,12 @@ from hmap_core.planner.interruption import (
     stable_sample,
     state_at,
 )
-from hmap_core.planner.replan import KeepingBackend
 from hmap_core.simulation.dynamic import sphere
-from hmap_core.validation import check
-
-RADIUS = 0.03
-ASIDE = -1.2  # rad that the arm is turned at the start, away from where the brick goes
-FAR = sphere("ball", RADIUS, np.array([-0.5, 0.5, 0.5]))
 
 
 @pytest.fixture(scope="module")
 def plan(tmp_path_factory):
-    """A brick is carried along the table, which is far from everything else."""
-    scene = carry(tmp_path_factory.mktemp("carry"), wall=0.001, motion="planar")
-    scene = replace(scene, bodies={name: body for name, body in scene.bodies.items() if name != "wall"})
-    state = scene.start_state()
-    state.q["arm"][0] += ASIDE
-    return planner.plan(scene, state=state, seed=1)
-
-
-def hand(plan, k: int, behind: float = 0.0) -> np.ndarray:
-    """A point (3,) of the hand at a sample, so far (m) behind its end effector."""
-    arm = plan.scene.robots["arm"]
-    tip = load_arm(arm.model).end_effector(plan.trajectory.joints["arm"][k])
-    return transforms.apply(transforms.multiply(arm.base_pose, tip), np.array([0.0, 0.0, -behind]))
-
-
-def with_body(plan, body):
-    return replace(plan.scene, bodies=plan.scene.bodies | {body.name: body})
+    return brick_plan(tmp_path_factory)
 
 
 def test_a_body_far_away_is_no_conflict(plan):
@@ -91,39 +64,7 @@ def test_a_plan_is_good_up_to_the_last_free_hand_before_a_conflict(plan):
     assert good_until(plan, end, Conflict(end + 1.0, "arm/hand", "ball")) is None
 
 
-def test_with_nothing_in_the_way_the_whole_plan_is_kept(plan):
-    scene = with_body(plan, FAR)
-    state = state_at(plan, 0)
-    state.poses["ball"] = FAR.pose
-    backend = KeepingBackend(LocalBackend(), plan, scene.bodies, 0.0)
-    new = planner.plan(scene, state=state, backend=backend)
-    assert backend.kept == {"paths": 1, "contacts": len(contacts(plan)), "motions": len(contacts(plan))}
-    assert np.allclose(new.trajectory.joints["arm"], plan.trajectory.joints["arm"])
-
-
-def on_the_way_to_the_contact(plan):
-    """A small ball that the hand runs into on its way to the object, and is clear of from then on."""
-    made = contacts(plan)[0]
-    for share in np.linspace(0.2, 0.8, 13):
-        body = sphere("ball", 0.015, hand(plan, int(share * made.begin), behind=0.06))
-        before = first_conflict(plan, {"ball": body})
-        after = first_conflict(plan, {"ball": body}, plan.trajectory.time[made.begin])
-        if before.time > 0.0 and after is None:
-            return body
-    raise AssertionError("there is no such place")
-
-
-def test_a_blocked_transit_is_planned_anew_for_the_kept_contact(plan):
-    body = on_the_way_to_the_contact(plan)
-    scene, state = with_body(plan, body), state_at(plan, 0)
-    state.poses["ball"] = body.pose
-    backend = KeepingBackend(LocalBackend(), plan, scene.bodies, 0.0)
-    new = planner.plan(scene, state=state, backend=backend)
-    assert backend.kept["paths"] == 1 and backend.kept["contacts"] >= 1 and backend.kept["motions"] == 0
-    assert check(to_dict(new)).valid
-
-
-def test_a_hand_that_stops_while_it_carries_lets_go_and_plans_on(plan):
+def test_a_hand_that_stops_while_it_carries_lets_go(plan):
     time, made = plan.trajectory.time, contacts(plan)[0]
     k = (made.begin + made.end) // 2
     assert contact_at(plan, time[k]) == made
@@ -132,37 +73,7 @@ def test_a_hand_that_stops_while_it_carries_lets_go_and_plans_on(plan):
     assert held_pose(plan.scene, state, made) == pytest.approx(state.poses["brick"], abs=1e-4)
     opening, motion = release(plan.scene, state, plan, made)
     assert opening > state.gripper["arm"]
-    state.q["arm"], state.gripper["arm"] = motion.positions[-1], opening
-    backend = KeepingBackend(LocalBackend(), plan, plan.scene.bodies, float(time[k]))
-    new = planner.plan(plan.scene, state=state, backend=backend)
-    assert backend.kept["paths"] == 1 and backend.kept["contacts"] >= 1
-    assert check(to_dict(new)).valid
-
-
-class OnlyChecks(LocalBackend):
-    """Checks contacts, and cannot look for others."""
-
-    def propose_contacts(self, *request):
-        raise ContactError("nothing is looked for", Code.NO_CONTACT)
-
-
-@pytest.mark.parametrize(("length", "kept"), [(0.1, 1), (2.0, 0)])
-def test_on_another_path_the_old_contact_is_taken_up_where_it_serves(plan, length, kept):
-    made = contacts(plan)[0]
-    k = (made.begin + made.end) // 2
-    state = state_at(plan, k)
-    state.q["arm"] = plan.scene.robots["arm"].model.home.copy()
-    start = state.poses["brick"]
-    poses = transforms.interpolate(start, start + np.eye(7)[0] * length, np.linspace(0.0, 1.0, 21))
-    backend = KeepingBackend(OnlyChecks(), plan, plan.scene.bodies, float(plan.trajectory.time[k]))
-    request = plan.scene, state, "brick", poses, ("arm",), None, 10, 0, 10.0
-    if kept:
-        found = backend.propose_contacts(*request)
-        np.testing.assert_allclose(found[0].contact.T_obj_ee, made.segment.contact_pose)
-        assert found[0].reach >= 10 and len(found[0].keyframes) == found[0].reach + 1
-    with pytest.raises(ContactError):  # once
-        backend.propose_contacts(*request)
-    assert backend.kept["contacts"] == kept
+    np.testing.assert_array_equal(motion.positions[0], state.q["arm"])
 
 
 def test_a_hand_round_the_object_goes_back_as_it_came(plan):

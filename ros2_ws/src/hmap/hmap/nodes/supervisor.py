@@ -22,7 +22,7 @@ from hmap.supervision.markers import markers_of
 from hmap.supervision.observer import Observer
 from hmap_core import planner, transforms
 from hmap_core.exceptions import Code, ExecutionError, HmapError, InputError, PlannerError
-from hmap_core.planner.replan import KeepingBackend
+from hmap_core.planner.repair import plan_anew, rehearse
 from hmap_core.types import Goal, Plan, Scene
 from hmap_msgs.action import Manipulate
 from hmap_msgs.msg import Plan as PlanMessage
@@ -35,6 +35,7 @@ from hmap_msgs_py.poses import pose_from_message
 
 FRAME = "world"
 LOADING_LIMIT = 30.0  # s for a scene to be loaded
+REHEARSAL_LIMIT = 30.0  # s
 STOPPING, REPLANNING = "stopping", "replanning"  # phases beside those of PlannerStatus
 NO_PLAN = (
     Code.START_IN_COLLISION,
@@ -59,6 +60,7 @@ class Job:
     result: Manipulate.Result = field(default_factory=Manipulate.Result)
     plans: int = 0  # that were asked for
     blocked: int = 0  # how often a body came in the way
+    replans: list[dict] = field(default_factory=list)  # how each new plan because of that was found
 
     @property
     def goal(self) -> Manipulate.Goal:
@@ -212,21 +214,17 @@ class Supervisor(HmapNode):
 
         Args:
             scene: with the goal; its bodies are taken as they are now.
-            old: a plan, and the planned time (s) up to which it was followed, when a body has come in its way. What is
-                good of it is kept, or where that gives no plan, nothing; where there is none either way, the bodies get
-                time to move on.
+            old: a plan, and the planned time (s) up to which it was followed, when a body has come in its way. It is
+                mended, or where that cannot be, another one is sought; where there is none, the bodies get time to move
+                on.
         """
-        keep = old
         while True:
             changed = self._observer.changed()
             try:
-                return self._plan_once(job, scene, follower, limit, keep)
+                return self._plan_once(job, scene, follower, limit, old)
             except HmapError as error:
-                if old is None or error.code not in NO_PLAN:
+                if old is None or error.code not in NO_PLAN or not self._move_on(job, changed, error):
                     raise
-                if keep is None and not self._move_on(job, changed, error):
-                    raise
-                keep = old if keep is None else None
 
     def _move_on(self, job: Job, since: float, error: HmapError) -> bool:
         """Whether the bodies have moved, or do so within the patience."""
@@ -239,31 +237,37 @@ class Supervisor(HmapNode):
         now, changed = self._observer.scene(), self._observer.changed()
         scene = replace(now, goal=scene.goal)
         backend = RosBackend(self._caller(job))
-        if old is not None:
-            backend = KeepingBackend(backend, old[0], scene.bodies, old[1])
         job.plans += 1
-        began = time.monotonic()
-        plan = planner.plan(
-            scene,
-            state=state,
-            seed=int(job.goal.seed) + job.plans - 1,
-            time_limit=limit,
-            backend=backend,
-            progress=lambda p: self._show_planning(job, p),
-            canceled=lambda: self._canceled(job),
-            clouds=self._observer.clouds(),
-        )
+        began, cpu = time.monotonic(), time.thread_time()
+        seed = int(job.goal.seed) + job.plans - 1
+        options = {
+            "time_limit": limit,
+            "progress": lambda p: self._show_planning(job, p),
+            "canceled": lambda: self._canceled(job),
+            "clouds": self._observer.clouds(),
+        }
+        if old is None:
+            plan, kept = planner.plan(scene, state=state, seed=seed, backend=backend, **options), {}
+        else:  # mended in this process, as every moment counts
+            plan, kept = plan_anew(*old, scene, state, seed, backend, **options)
         if self._canceled(job):
             raise PlannerError("canceled", Code.CANCELED)
         ended = time.monotonic()
         stats = {"planning_time_s": ended - began, **plan.stats, "plans": job.plans, "blocked": job.blocked}
-        if job.blocked:
-            kept = getattr(backend, "kept", {})
-            stats |= {"obstacle_to_plan_s": ended - changed, "kept": kept}
-            self.get_logger().info(
-                f"planned anew in {stats['planning_time_s']:.2f} s, with the judge in {ended - began:.2f} s, "
-                f"{ended - changed:.2f} s after the obstacle was seen last; kept: {kept}"
+        if old is not None:
+            job.replans.append(
+                {
+                    "planning_s": stats["planning_time_s"],
+                    "planning_cpu_s": plan.stats.get("planning_cpu_s"),
+                    "with_judge_s": ended - began,
+                    "with_judge_cpu_s": time.thread_time() - cpu if kept else None,
+                    "after_seen_s": ended - changed,
+                    "kept": kept,
+                }
             )
+            self.get_logger().info(f"planned anew: {job.replans[-1]}")
+        if job.replans:
+            stats["obstacle_replans"] = list(job.replans)
         plan = replace(plan, stats=stats)
         stamp = self.get_clock().now().to_msg()
         job.result.plan = plan_to_message(plan, stamp)
@@ -283,6 +287,8 @@ class Supervisor(HmapNode):
             self._say(job, PlannerStatus.EXECUTION, f"{now:.1f} of {end:.1f} s, {label}")
 
         job.result.executed = True
+        if job.plans == 1:
+            threading.Thread(target=self._rehearse, args=(plan,), name="rehearsal", daemon=True).start()
         follower.follow(plan, show)
         goal = plan.scene.goal
         self._compare(job, goal, self._observer.settled(self._state_patience).poses[goal.object])
@@ -294,6 +300,12 @@ class Supervisor(HmapNode):
                 f"{np.rad2deg(allowed[1]):.1f} deg are allowed",
                 Code.GOAL_MISSED,
             )
+
+    def _rehearse(self, plan: Plan) -> None:
+        """Load what mending a plan takes while there is time for it."""
+        began = time.monotonic()
+        rehearse(plan, REHEARSAL_LIMIT)
+        self.get_logger().info(f"ready to mend the plan after {time.monotonic() - began:.1f} s")
 
     def _compare(self, job: Job, goal: Goal, pose: np.ndarray) -> None:
         job.result.position_error, job.result.rotation_error = transforms.distance(goal.pose, pose)

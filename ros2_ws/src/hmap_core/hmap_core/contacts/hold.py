@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hmap_core.collision.convex import convex_set
 from hmap_core.contacts.access import on_face
 from hmap_core.contacts.solids import solids
+from hmap_core.komo.shapes import body_set
 from hmap_core.transforms import IDENTITY, rotation_matrix
 from hmap_core.types import Body, ContactKind, ContactPoint, Gripper, HeldBody
 from hmap_core.waypoints.support import centre_of_mass
@@ -26,7 +26,7 @@ def turning_share(body: Body, contacts: Sequence[ContactPoint], gripper: Gripper
 
     ``up`` (3,) is the vertical in the body's frame. Contacts that are no grasps use nothing.
     """
-    centre = centre_of_mass(convex_set(body.shapes))
+    centre = centre_of_mass(body_set(body))
     capacity = 4.0 / 3.0 * body.friction * gripper.force * gripper.pad_half_width
     if not contacts:
         return np.zeros(0)

@@ -3,7 +3,7 @@
 The planner's own collision model, for robots and for what the plan moves, against the new bodies only.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,17 +55,29 @@ def unknown_bodies(plan: Plan, bodies: Mapping[str, Body]) -> dict[str, Body]:
     return found
 
 
-def first_conflict(plan: Plan, bodies: Mapping[str, Body], start: float = 0.0, end: float = np.inf) -> Conflict | None:
+def first_conflict(
+    plan: Plan,
+    bodies: Mapping[str, Body],
+    start: float = 0.0,
+    end: float = np.inf,
+    objects: Collection[str] | None = None,
+    robots: Collection[str] | None = None,
+) -> Conflict | None:
     """The first conflict of a plan with bodies at their poses, from a planned time on (s); None where all is free.
 
     Between two samples that are looked at no link moves farther than STEP, which the margin makes up for in half.
+
+    Args:
+        objects, robots: those of the plan that are looked at; None: all.
     """
     if not bodies:
         return None
     time = plan.trajectory.time
     rows = np.flatnonzero((time >= start - 1e-9) & (time <= end + 1e-9))
-    found = [_robot_conflict(plan, robot, bodies, rows) for robot in plan.scene.robots.values()]
-    found += [_object_conflict(plan, name, bodies, rows) for name in plan.trajectory.objects]
+    robots = plan.scene.robots if robots is None else robots
+    objects = plan.trajectory.objects if objects is None else objects
+    found = [_robot_conflict(plan, plan.scene.robots[name], bodies, rows) for name in robots]
+    found += [_object_conflict(plan, name, bodies, rows) for name in objects]
     found = [conflict for conflict in found if conflict is not None]
     return min(found, key=lambda conflict: conflict.time, default=None)
 

@@ -62,10 +62,15 @@ def least_reach(object_poses: np.ndarray) -> int:
 
 
 class LocalBackend:
-    """Implements :class:`hmap_core.planner.interfaces.Backend` by direct calls."""
+    """Implements :class:`hmap_core.planner.interfaces.Backend` by direct calls.
 
-    def __init__(self, proposer: Proposer | None = None):
-        self.proposer = proposer or NoProposer()
+    Args:
+        proposer: of contacts that are looked at before sampled ones.
+        enough: feasible contacts per robot after which only better ones are looked for.
+    """
+
+    def __init__(self, proposer: Proposer | None = None, enough: int = ENOUGH):
+        self.proposer, self.enough = proposer or NoProposer(), enough
         self._stands: tuple[tuple, np.ndarray] = ((), np.zeros(0, bool))  # the last answer: all robots ask the same
 
     def plan_waypoints(
@@ -143,7 +148,7 @@ class LocalBackend:
         release, least = self._release(scene, state, object, object_poses), least_reach(object_poses)
         return [
             RobotContact(robot, contacts[f.index], len(f.keyframes) - 1, f.keyframes, away)
-            for f in feasible_contacts(manipulation, contacts, object_poses, release, rng, least, ENOUGH)
+            for f in feasible_contacts(manipulation, contacts, object_poses, release, rng, least, self.enough)
         ]
 
     def promising_contacts(

@@ -9,6 +9,7 @@ so what was verified for the object stays true for the object in the hand.
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -123,6 +124,21 @@ def take(
     cleared.q[contact.robot], cleared.gripper[contact.robot] = there, opening
     holding = scene_holding(scene, contact.robot, body, contact.contact, state.poses[body])
     pieces += _in_hand(holding, _lift_piece(holding, cleared, contact.robot, there))
+    return _assembled(scene, state, pieces)
+
+
+def come(
+    scene: Scene, state: SceneState, contact: RobotContact, object: str, rng: np.random.Generator, time_limit: float
+) -> SegmentMotion:
+    """The motion in which a robot comes to a contact in exactly the posture keyframes[0], and closes its gripper.
+
+    Raises:
+        MotionError: NO_MOTION.
+    """
+    deadline = time.monotonic() + time_limit
+    pieces, cleared = _make_room(scene, state, contact, object, rng, deadline)
+    pieces += _rise_to_open(scene, cleared, contact, object)
+    pieces.append(_Segment(scene, cleared, object, contact, state.poses[object][None]).come(rng, deadline, exact=True))
     return _assembled(scene, state, pieces)
 
 
@@ -357,18 +373,20 @@ class _Segment:
     def solve(self, rng: np.random.Generator, deadline: float) -> list[_Piece]:
         before = self._drawn_back(self.T_start, self.keyframes[0], Phase.APPROACH)
         after = self._drawn_back(self.T_end, self.keyframes[-1], Phase.RETREAT)
-        coming, carrying, leaving = self._parts(*self._searched(before, after, rng, deadline))
+        make = partial(self._problem, leaving=len(after) > 0)
+        coming, carrying, leaving = self._parts(*self._searched(make, before, after, rng, deadline))
         pieces = self._coming(coming), self._carrying(carrying), self._leaving(leaving)
         return [part for piece in pieces for part in _in_hand(self.scene, piece)]
 
-    def _searched(self, before, after, rng, deadline: float) -> tuple[KomoProblem, np.ndarray]:
+    def _searched(self, make, before, after, rng, deadline: float) -> tuple[KomoProblem, np.ndarray]:
         """The verified path (T, n) and its problem: from the straight way to the contact or from one found by search.
 
+        ``make`` gives the problem for a number of steps of the transit.
         A way with room round what is held comes first. What was found by search is taken as it is where the optimiser,
         which smooths it, makes it collide or takes the room.
         """
         steps, mask = _transit_steps(self.start, before[-1]), bit(Phase.TRANSIT)
-        problem = self._problem(steps, len(after) > 0)
+        problem = make(steps)
         cols = relaxed(problem.chain, problem.arrays(), self.start, mask)
         air = Air(self.manipulation, self.collisions, cols, self.start, before[-1], mask)
         until = min(deadline, time.monotonic() + SEARCH_TIME)
@@ -384,7 +402,7 @@ class _Segment:
                 return problem, path
             found = path if found is None else found
             if not why.startswith(CARRYING):
-                fine = self._problem(len(way) - 1, len(after) > 0)
+                fine = make(len(way) - 1)
                 path = self._guess(way[1:], before, after)
                 why = self._check(fine, path, cols)
                 if not why:
@@ -422,10 +440,6 @@ class _Segment:
         """The path (T, n) after the start: a transit (T0, n), then the known postures of the other phases."""
         return np.concatenate([transit, before[-2::-1], self.keyframes, after])
 
-    def _guess(self, transit: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-        """The path (T, n) after the start: a transit (T0, n), then the known postures of the other phases."""
-        return np.concatenate([transit, before[-2::-1], self.keyframes, after])
-
     def _drawn_back(self, T_world_obj: np.ndarray, q: np.ndarray, phase: Phase) -> np.ndarray:
         problem = ik_problem(self.manipulation, self.collisions, phase)
         path = draw_back(self.manipulation, problem, self.contact, T_world_obj, q)
@@ -447,6 +461,14 @@ class _Segment:
         targets = [*coming, *carrying, *away]
         params = [self.manipulation.target(T) for T in targets]
         problem.add(Objective(feature, ObjectiveType.EQ, range(first, first + len(targets)), params=params))
+        return problem
+
+    def _coming_as(self, before: np.ndarray, transit_steps: int) -> KomoProblem:
+        """Coming to the keyframe through the postures (APPROACH_STEPS, n) before it, the farthest last."""
+        steps = (transit_steps, APPROACH_STEPS, 0, 0)
+        problem = KomoProblem(self.manipulation.model.chain, steps, self.collisions, _options(sum(steps)))
+        for step, q in enumerate([*before[::-1], self.keyframes[0]], problem.last(Phase.TRANSIT)):
+            problem.add(Objective(joint_position(q), ObjectiveType.EQ, [step]))
         return problem
 
     def _parts(self, problem: KomoProblem, path: np.ndarray) -> list[np.ndarray]:
@@ -482,10 +504,11 @@ class _Segment:
             if pair >= 0
         )
 
-    def come(self, rng: np.random.Generator, deadline: float) -> _Piece:
-        """The transit to the contact and the closing of the gripper alone."""
+    def come(self, rng: np.random.Generator, deadline: float, exact: bool = False) -> _Piece:
+        """The transit to the contact and the closing of the gripper alone; ``exact``: just as in the keyframe."""
         before = self._drawn_back(self.T_start, self.keyframes[0], Phase.APPROACH)
-        _, path = self._searched(before, self.keyframes[:0], rng, deadline)
+        make = partial(self._coming_as, before) if exact else partial(self._problem, leaving=False)
+        _, path = self._searched(make, before, self.keyframes[:0], rng, deadline)
         return self._coming(np.concatenate([self.start[None], path]))
 
     def leave(self) -> _Piece:

@@ -106,6 +106,25 @@ class Arm:
             beyond = beyond + step
         return bounds
 
+    def rates(self, link: str, values: dict) -> tuple[np.ndarray, np.ndarray, float]:
+        """What bounds how a link moves in each of the N-1 steps.
+
+        Returns:
+            How far (N-1,) it turns at most, rad; how far (N-1,) sliding joints carry it, m; and the largest distance of
+            two joints between the base and the link, m.
+        """
+        steps = len(next(iter(values.values()))) - 1
+        turned, slid = np.zeros(steps), np.zeros(steps)
+        length = sum(float(np.linalg.norm(joint.origin_p)) for joint in self.tree.chain(link))
+        for joint in self.moving(link):
+            moved = np.abs(np.diff(values[joint.name]))
+            if joint.kind == "prismatic":
+                slid = slid + moved
+                length += float(np.abs(values[joint.name]).max())
+            else:
+                turned = turned + moved
+        return turned, slid, length
+
 
 def build(data: RobotData) -> Arm:
     """A robot of the plan file with its URDF.

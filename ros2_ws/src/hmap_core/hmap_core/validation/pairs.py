@@ -84,9 +84,16 @@ class PairBuilder:
             return None if a.link is None else self._self_pair(a, b)
         if self._immobile(a) and self._immobile(b) and (a.link is None or b.link is None):
             return None
-        motion = self._motion[a] + self._motion[b]
+        motion = self._relative_motion(a, b)
         may_touch = frozenset((a.owner, b.owner)) in self._touching
         return Pair(a, b, motion, clearance=bool(not may_touch and np.any(motion > 0.0)))
+
+    def _relative_motion(self, a: Part, b: Part) -> np.ndarray:
+        """Bound (N-1,) in metres on the motion of two parts against each other."""
+        motion = self._motion[a] + self._motion[b]
+        link, body = (a, b) if b.link is None else (b, a)
+        carried = link.link is not None and body.link is None and np.any(self._motion[body] > 0.0)
+        return np.minimum(motion, self._world.relative_motion(link, body)) if carried else motion
 
     def _self_pair(self, a: Part, b: Part) -> Pair | None:
         robot = self._world.arms[a.holder]

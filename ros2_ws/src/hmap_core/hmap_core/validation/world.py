@@ -124,3 +124,21 @@ class World:
         return self.arms[part.holder].motion_bounds(
             part.link, part.reach, self.values[part.holder], self.state.links[part.holder]
         )
+
+    def relative_motion(self, link: Part, body: Part) -> np.ndarray:
+        """How far any point of a body's part can move in each step as seen from a robot's link, (N-1,) in metres.
+
+        Small where the link carries the body. Seen from the link, a point goes from where it is at one sample to where
+        it is at the next, and its velocity differs from that straight way's by at most half of the largest
+        acceleration, which is of second order in what the two turn and move (``docs/validation.md``).
+        """
+        R, p = rigid.relative(*self.state.links[link.holder][link.link], *self.state.bodies[body.holder])
+        turned, moved = rigid.turn_of(np.swapaxes(R[:-1], -1, -2) @ R[1:]), np.linalg.norm(np.diff(p, axis=0), axis=1)
+        poses = self.poses[body.holder]
+        spin, speed = rigid.turn(poses[:-1, 3:], poses[1:, 3:]), self.body_motion(body)
+        turn, slide, length = self.arms[link.holder].rates(link.link, self.values[link.holder])
+        far = np.linalg.norm(p[:-1], axis=1) + body.reach + speed + length + turn * length + slide
+        own = spin**2 * body.reach
+        carried = turn * (turn * (far + length) + speed + 2.0 * slide)
+        rotating = turn * (speed + turn * far + slide)
+        return moved + turned * body.reach + 0.5 * (own + carried + rotating)

@@ -1,5 +1,7 @@
 """The few numbers of a plan that a person wants to see."""
 
+from statistics import median
+
 from hmap_core.types import Plan, SegmentKind
 
 
@@ -17,4 +19,14 @@ def summary(plan: Plan) -> dict[str, str]:
     }
     if "planning_time_s" in stats:
         lines["planning time"] = f"{stats['planning_time_s']:.2f} s"
+    replans = stats.get("obstacle_replans", [])
+    if replans:
+        lines["new plans"] = f"{len(replans)} because of obstacles"
+        for name, key in (("to plan", "planning"), ("with the judge", "with_judge")):
+            lines[name] = f"{_median(replans, f'{key}_s')}, cpu {_median(replans, f'{key}_cpu_s')} (median)"
     return lines
+
+
+def _median(replans: list[dict], key: str) -> str:
+    known = [replan[key] for replan in replans if replan[key] is not None]
+    return f"{median(known):.2f} s" if known else "-"
