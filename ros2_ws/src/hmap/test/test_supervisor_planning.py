@@ -1,4 +1,4 @@
-"""A plan after a body came in the way: first with what is kept, then without, then once the bodies have moved on."""
+"""A plan after a body came in the way: at once, else once the bodies have moved on."""
 
 from types import SimpleNamespace
 
@@ -14,8 +14,8 @@ def supervisor(answers, moves: list[bool]):
     """Stands in for the node: plans as ``answers`` say, and bodies that move on as ``moves`` say."""
     asked = []
 
-    def plan_once(job, scene, follower, limit, keep):
-        asked.append(keep)
+    def plan_once(job, scene, follower, limit, old):
+        asked.append(old)
         answer = answers.pop(0)
         if isinstance(answer, HmapError):
             raise answer
@@ -34,17 +34,17 @@ def no_contact() -> ContactError:
     return ContactError("none", Code.NO_CONTACT)
 
 
-def test_what_is_kept_comes_first_then_nothing_then_the_bodies_have_to_move():
-    node, asked = supervisor([no_contact(), no_contact(), "plan"], [True])
+def test_where_there_is_no_plan_the_bodies_have_to_move():
+    node, asked = supervisor([no_contact(), no_contact(), "plan"], [True, True])
     assert plan(node) == "plan"
-    assert asked == [OLD, None, OLD]
+    assert asked == [OLD, OLD, OLD]
 
 
 def test_bodies_that_do_not_move_on_leave_the_error():
-    node, asked = supervisor([no_contact(), no_contact()], [False])
+    node, asked = supervisor([no_contact()], [False])
     with pytest.raises(ContactError):
         plan(node)
-    assert asked == [OLD, None]
+    assert asked == [OLD]
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ HELP = "start the nodes, plan and execute a task with them, and stop them"
 START_LIMIT = 120.0  # s for all nodes to be up
 POLL = 0.1  # s
 KINEMATIC = "kinematic"
+QUICK_SPEED, REAL_SPEED = 4.0, 1.0  # simulated s per s
 DISCOVERY = 0.5  # s to find nodes that run already
 DEFAULT_TIME_LIMIT = 120.0  # s for planning
 INPUT_CODES = range(100, 200)  # of hmap_core.exceptions.Code
@@ -34,8 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=Path("runs"), metavar="DIR", help="of the runs' folders (runs)")
     limit = f"for planning ({DEFAULT_TIME_LIMIT:g})"
     parser.add_argument("--time-limit", type=positive, default=DEFAULT_TIME_LIMIT, metavar="SECONDS", help=limit)
-    speed = "simulated seconds per second while a robot moves (4); 0: as fast as possible"
-    parser.add_argument("--speed", type=zero_or_more, default=4.0, metavar="X", help=speed)
+    speed = "simulated seconds per second while a robot moves (4; with dynamic obstacles 1); 0: as fast as possible"
+    parser.add_argument("--speed", type=zero_or_more, metavar="X", help=speed)
     parser.add_argument("--plan-only", action="store_true", help="do not execute the plan")
     parser.add_argument("--no-picture", action="store_true", help="do not draw the plan")
     count = "bodies that appear near the path while it is executed, seen by the cameras only (1)"
@@ -103,7 +104,7 @@ def _start(graph: Graph, session, arguments: argparse.Namespace, folder: Path, l
             raise InputError("a graph of nodes runs here already; end it, or set another ROS_DOMAIN_ID")
         time.sleep(POLL)
     graph.start("recorder", {"path": folder / BAG})
-    world = {"task": arguments.task, "seed": arguments.seed, "real_time_factor": float(arguments.speed)}
+    world = {"task": arguments.task, "seed": arguments.seed, "real_time_factor": _speed(arguments)}
     if arguments.dynamic_obstacles:
         world["announce_added"] = False
         graph.start("dynamic_obstacles", {"count": arguments.dynamic_obstacles, "seed": arguments.seed})
@@ -119,6 +120,13 @@ def _start(graph: Graph, session, arguments: argparse.Namespace, folder: Path, l
             raise PlannerError(f"not up after {START_LIMIT:g} s: {', '.join(missing)}", Code.SERVICE_UNAVAILABLE)
         time.sleep(POLL)
     line.show("up", ", ".join(up))
+
+
+def _speed(arguments: argparse.Namespace) -> float:
+    """Simulated seconds per second: as in reality where what appears has to be seen in time."""
+    if arguments.speed is not None:
+        return float(arguments.speed)
+    return REAL_SPEED if arguments.dynamic_obstacles else QUICK_SPEED
 
 
 def _goal(arguments: argparse.Namespace):
