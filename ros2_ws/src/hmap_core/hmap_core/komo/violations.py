@@ -51,19 +51,21 @@ def worst_violation(problem: PathProblem, linear: Linearisation, path: np.ndarra
         linear: of the path, with the values of all objectives.
         cols: pairs and margins that count.
     """
-    found: list[tuple[float, str]] = []
-    for value, (index, step, component) in zip(linear.values, linear.rows, strict=True):
-        objective = problem.objectives[index]
-        if objective.type == ObjectiveType.SOS:
-            continue
-        off = abs(value) if objective.type == ObjectiveType.EQ else value
-        found.append((off, of_objective(problem, objective, component, off, step + 1.0)))
+    worst, text = -np.inf, ""
+    types = np.array([problem.objectives[index].type for index, _, _ in linear.rows], int)
+    off = np.where(types == ObjectiveType.EQ, np.abs(linear.values), linear.values)
+    off[types == ObjectiveType.SOS] = -np.inf
+    if len(off) and off.max() > worst:
+        worst = off.max()
+        index, step, component = linear.rows[int(off.argmax())]
+        text = of_objective(problem, problem.objectives[index], component, worst, step + 1.0)
     excess = np.maximum(problem.chain.lower - path[1:], path[1:] - problem.chain.upper)
     step, joint = np.unravel_index(int(excess.argmax()), excess.shape)
     amount, time = excess[step, joint], problem.time_of(step + 1.0)
-    found.append((amount, f"joint {joint + 1} exceeds its limit by {amount:.2g} at time {time:.2f}"))
+    if amount > worst:
+        worst, text = amount, f"joint {joint + 1} exceeds its limit by {amount:.2g} at time {time:.2f}"
     violation, pair, alpha = between_violations(path, problem.masks(), problem.chain, cols, VERIFY_STEP)
     step = int(violation.argmax())
-    if pair[step] >= 0:
-        found.append((violation[step], of_pair(problem, pair[step], violation[step], step + alpha[step])))
-    return max(found, key=lambda entry: entry[0])[1]
+    if pair[step] >= 0 and violation[step] > worst:
+        text = of_pair(problem, pair[step], violation[step], step + alpha[step])
+    return text

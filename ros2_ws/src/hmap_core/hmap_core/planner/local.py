@@ -329,6 +329,7 @@ def worth(scene: Scene, contact: RobotContact) -> float:
     """What contacts are ranked by: how far they carry, less where the arm has to stretch for it."""
     robot = scene.robots[contact.robot]
     arm = load_arm(robot.model)
-    tips = arm.end_effectors(contact.keyframes[[0, -1]])[:, :3] - arm.p_joint[0]
-    stretch = np.linalg.norm(tips, axis=1).max() / arm.reach()[0]
+    frames = [arm.frames(q) for q in contact.keyframes[[0, -1]]]
+    tips = [p[-1] + R[-1] @ arm.T_tip_ee[:3, 3] for R, p in frames]
+    stretch = max(float(np.linalg.norm(tip - arm.p_joint[0])) for tip in tips) / arm.reach()[0]
     return (contact.reach + SCORE_WEIGHT * contact.contact.score) * (1.0 - STRETCH_WEIGHT * stretch**2)
