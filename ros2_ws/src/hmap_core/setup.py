@@ -19,7 +19,6 @@ setup(
         "matplotlib",
         "numba",
         "numpy",
-        "ompl>=2.0.1",
         "open3d-cpu",
         "pybullet",
         "pydantic",

@@ -116,6 +116,8 @@ def find_transit(
         deadline: ``time.monotonic()`` after which to give up.
     """
     free, ways = _Free(chain, cols, mask), []
+    if not free.straight(goal, goal):
+        return None
     for _ in range(RUNS):
         free.looks = 0
         way = _connect(free, moves, start, goal, rng, deadline)
