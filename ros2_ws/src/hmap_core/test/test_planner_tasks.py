@@ -1,12 +1,14 @@
 """Real plans: a box past a wall, the tunnels, and what is said when there is no plan."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from planner_fixtures import carry
 
 from hmap_core.exceptions import Code, ContactError, HmapError, InputError, PlannerError
+from hmap_core.execution.execute import execute
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import plan
 from hmap_core.scenes import list_tasks, load_scene
@@ -17,6 +19,7 @@ from hmap_core.validation import check
 TIME_LIMIT = 120.0  # s; a busy machine is slow
 LONG = 600.0  # s
 TUNNELS = ("tunnel", "published/tunnel")
+EXAMPLE = Path(__file__).parents[4] / "docs" / "examples" / "hook.yaml"
 IMPOSSIBLE = ("published/bookshelf_unchanged",)
 
 
@@ -128,6 +131,17 @@ def test_every_task_that_comes_with_hmap_is_planned(task):
     made = plan(load_scene(task, 0), seed=0, time_limit=LONG)
     report = check(to_dict(made))
     assert report.valid, report.violations[:3]
+
+
+@pytest.mark.slow
+def test_the_example_is_planned_with_its_hook_and_executed():
+    made = plan(load_scene(str(EXAMPLE), 0), seed=0, time_limit=LONG)
+    report = check(to_dict(made))
+    assert report.valid, report.violations[:3]
+    assert {s.object for s in made.segments if s.manipulator == "hook"} == {"box"}
+    assert made.stats["removals"] == 3
+    executed = execute(made)
+    assert executed.solved, executed.reason
 
 
 @pytest.mark.slow

@@ -67,7 +67,7 @@ class Air:
         """The pairs with ``room`` between what is held and what stands around, less where start or goal have less."""
         cols, stands = self._cols, self._cols.frame == 0
         own = (self._held[cols.a] & stands[cols.b]) | (self._held[cols.b] & stands[cols.a])
-        cols = cols._replace(margin=np.where(own, np.maximum(cols.margin, room), cols.margin))
+        roomy = cols._replace(margin=np.where(own, np.maximum(cols.margin, room), cols.margin))
         for q in (self._start, self._goal):
-            cols = relaxed(self._chain, cols, q, self._mask)
-        return cols
+            roomy = relaxed(self._chain, roomy, q, self._mask)
+        return roomy._replace(margin=np.maximum(roomy.margin, cols.margin))

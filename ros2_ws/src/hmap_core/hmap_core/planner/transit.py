@@ -24,7 +24,9 @@ HAND_SHARE = 0.5  # of the extensions that are moves of the hand
 AROUND = 0.2  # m beyond start and goal in which the hand is sent about
 UNSEEN = 1e-3  # m that a pair may come nearer between two looks
 SLACK = 1e-4  # m that margins may be left by: postures from inverse kinematics are that good
-CHECKS = 40_000  # looks after which the search gives up, whatever the clock says
+CHECKS = 40_000  # looks after which a search gives up, whatever the clock says
+RUNS = 4  # searches, while all ways are longer than DETOUR times the straight one
+DETOUR = 1.5
 INTERVAL_LOOKS, HAND_LOOKS = 3, 3  # what an interval, and a posture from inverse kinematics, cost in looks
 SHORTCUTS = 200
 POINTS = 100  # of the path that is found, about
@@ -113,9 +115,18 @@ def find_transit(
         rng: the only source of randomness.
         deadline: ``time.monotonic()`` after which to give up.
     """
-    free = _Free(chain, cols, mask)
-    path = _connect(free, moves, start, goal, rng, deadline)
-    return None if path is None else _smoothed(free, _shortened(free, path, rng))
+    free, ways = _Free(chain, cols, mask), []
+    if not free.straight(goal, goal):
+        return None
+    for _ in range(RUNS):
+        free.looks = 0
+        way = _connect(free, moves, start, goal, rng, deadline)
+        if way is None:
+            break
+        ways.append(_shortened(free, way, rng))
+        if _length(ways[-1]) <= DETOUR * np.linalg.norm(goal - start):
+            break
+    return _smoothed(free, min(ways, key=_length)) if ways else None
 
 
 def _connect(free: _Free, moves: HandMoves, start, goal, rng: np.random.Generator, deadline) -> np.ndarray | None:
@@ -178,6 +189,10 @@ def _shortened(free: _Free, path: np.ndarray, rng: np.random.Generator) -> np.nd
         if i != j and free.straight(a, b):
             path = np.concatenate([path[: i + 1], [a, b], path[j + 1 :]])
     return path
+
+
+def _length(path: np.ndarray) -> float:
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
 def _smoothed(free: _Free, path: np.ndarray) -> np.ndarray:
