@@ -46,6 +46,8 @@ SHRINKING = np.linspace(1.0, 0.0, 11)
 # this much of a contact line is not counted on at each end, m: the object creeps along it, the pressure is uneven;
 # at most this share of half the line
 EDGE, EDGE_SHARE = 0.002, 0.4
+# a push is the steadier, the more of these at the ends of its line it does without, m, and with this share of the friction
+STEADY, STEADY_SHARE = (0.004, 0.008, 0.012), 0.5
 # vertices this near to the pushed plane touch it, m
 TOUCHING = 4 * CONTACT_GAP
 # motions that differ by less than this share of their size are one
@@ -115,16 +117,15 @@ class Slide:
         return characteristic_length(self.footprint, self.middle)
 
     def lines(self, points, normals, R, origin, feature, tip) -> tuple[np.ndarray, np.ndarray]:
-        """Lines of contact that count: ends (N, 2, 2) about the middle and normals (N, 2) in level axes.
+        """Lines of contact: ends (N, 2, 2) about the middle and normals (N, 2) in level axes.
 
-        The vertices ``tip`` (V, 3) of the pusher that are ``feature`` (N, V) lie against the face at ``points``; the
-        ends of where they do are cut off by EDGE.
+        The vertices ``tip`` (V, 3) of the pusher that are ``feature`` (N, V) lie against the face at ``points``.
         """
         flat = _leveled(normals, self.level)
         flat /= np.linalg.norm(flat, axis=1)[:, None]
         sideways = np.stack([flat[:, 1], -flat[:, 0], np.zeros(len(flat))], axis=1) @ self.level
         ends = _contact_lines(points, normals, sideways, R, origin, feature, tip, self.own)
-        return _shortened(np.stack([_leveled(e, self.level) for e in ends], axis=1)) - self.middle, flat
+        return np.stack([_leveled(e, self.level) for e in ends], axis=1) - self.middle, flat
 
     def behind(self, normals: np.ndarray, twists: np.ndarray, friction: float) -> np.ndarray:
         """Which sides (N,) can push at all: for all twists (T, 3), the needed force is in their friction cone.
@@ -190,12 +191,20 @@ def pushes(
     for points, R, origin, feature, tip, upright, index in sets:
         normals = cloud.normals[index]
         ends, flat = slide.lines(points, normals, R, origin, feature, tip)
-        keep = stable_pushes(ends, flat, FRICTION_SHARE * friction, twists, slide.length)
+        keep = stable_pushes(_shortened(ends, EDGE, EDGE_SHARE), flat, FRICTION_SHARE * friction, twists, slide.length)
+        steady = np.mean(
+            [
+                stable_pushes(_shortened(ends, e, 1.0), flat, STEADY_SHARE * friction, twists, slide.length)
+                for e in STEADY
+            ],
+            axis=0,
+        )
         keep &= _overlaps(slide, R, origin, feature, tip)
         keep &= _stays_upright(points @ slide.up - slide.lowest, flat, slide.footprint, slide.middle, friction)
         score = (
             scoring.place(R, points, normals, cloud.seen[index], centre, radius, situation)
             + scoring.W_UPRIGHT * upright
+            + scoring.W_STEADY * steady
         )
         sideways = np.cross(normals, slide.up)
         for down, aside, price in HELD_WAYS if hand.held else FINGER_WAYS:
@@ -262,7 +271,9 @@ def push_reach(body: Body, hand: Hand, contacts: Sequence[ContactPoint], poses: 
     off = np.abs(np.einsum("nvi,ni->nv", corners - points[:, None], normals))
     feature = off <= np.maximum(off.min(axis=1, keepdims=True), TOUCHING)  # of a round end the nearest vertex
     ends, flat = slide.lines(points, normals, R, at[:, :3], feature, hand.tip)
-    generators = cone_generators(ends, flat, FRICTION_SHARE * hand.friction(body.friction))
+    generators = cone_generators(
+        _shortened(ends, EDGE, EDGE_SHARE), flat, FRICTION_SHARE * hand.friction(body.friction)
+    )
     holds, before = np.ones(len(own), bool), None
     for k, twists in enumerate(slide.twists(poses)):
         if twists is None:
@@ -299,11 +310,11 @@ def _contact_lines(points, normals, tangent, R, origin, feature, tip, own) -> tu
     return ends[0], ends[1]
 
 
-def _shortened(ends: np.ndarray) -> np.ndarray:
-    """Lines (N, 2, 2) without what is not counted on at their ends."""
+def _shortened(ends: np.ndarray, edge: float, most: float) -> np.ndarray:
+    """Lines (N, 2, 2) without ``edge`` metres at each end, or the share ``most`` of their halves if that is less."""
     middle = ends.mean(axis=1, keepdims=True)
     half = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2.0
-    cut = EDGE / np.maximum(half, EDGE / EDGE_SHARE)
+    cut = edge / np.maximum(half, edge / most)
     return middle + (1.0 - cut)[:, None, None] * (ends - middle)
 
 

@@ -199,8 +199,9 @@ class LocalBackend:
     ) -> list[tuple[Grip, int]]:
         """Holds on tools with which the object may be moved along object_poses (M, 7), the farthest-reaching first.
 
-        Of those that reach as far, the one with the most contacts that do comes first: it leaves the most room. Each comes with the pose up to which hand, tool and object could go at best; the arm was asked only whether it
-        can take the tool.
+        Of those that reach as far, the one with the most contacts that do comes first: it leaves the most room. Each
+        comes with the pose up to which hand, tool and object could go at best; the arm was asked only whether it can
+        take the tool.
         """
         deadline = time.monotonic() + time_limit
         rng = np.random.default_rng(seed)
@@ -259,7 +260,7 @@ class LocalBackend:
         return [c for c, used in zip(contacts, share, strict=True) if used <= TURNING_SHARE]
 
     def _bound(self, scene: Scene, state: SceneState, object: str, object_poses, robot: str, rng) -> tuple[int, int]:
-        """The farthest pose to which hand and object alone could go, and with how many contacts; -1: they cannot meet."""
+        """The farthest pose to which hand and object alone could go, with how many contacts; -1: they cannot meet."""
         contacts = next(self._sampled(scene, state, object, object_poses, robot, None, rng), [])
         if not contacts:
             return -1, 0
