@@ -46,7 +46,7 @@ SHRINKING = np.linspace(1.0, 0.0, 11)
 # this much of a contact line is not counted on at each end, m: the object creeps along it, the pressure is uneven;
 # at most this share of half the line
 EDGE, EDGE_SHARE = 0.002, 0.4
-# a push is the steadier, the more of these at the ends of its line it does without, m, and with this share of the friction
+# a push is the steadier, the more of these it does without at the ends of its line, m, with this share of the friction
 STEADY, STEADY_SHARE = (0.004, 0.008, 0.012), 0.5
 # vertices this near to the pushed plane touch it, m
 TOUCHING = 4 * CONTACT_GAP
