@@ -87,7 +87,8 @@ def test_there_is_room_to_lift_it_or_not(tmp_path):
     assert np.abs(higher.keyframes[5] - contact.keyframes[5]).max() > 1e-3
 
     low = task(tmp_path, roof=0.218)  # 8 mm over it
-    kept, way = lifted(low, state, "tall", contact, poses, placed_bodies(low, state, "tall"), 0.7)
+    under = placed_bodies(low, low.start_state(), "tall")
+    kept, way = lifted(low, low.start_state(), "tall", contact, poses, under, 0.7)
     assert kept is contact
     assert way is poses
 
