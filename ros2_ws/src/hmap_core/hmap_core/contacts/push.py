@@ -48,6 +48,8 @@ SHRINKING = np.linspace(1.0, 0.0, 11)
 EDGE, EDGE_SHARE = 0.002, 0.4
 # of so many points of a face one is also moved to where the push is balanced
 BALANCED = 4
+# a push is the steadier, the more of these it does without at the ends of its line, m, with this share of the friction
+STEADY, STEADY_SHARE = (0.004, 0.008, 0.012), 0.5
 # vertices this near to the pushed plane touch it, m
 TOUCHING = 4 * CONTACT_GAP
 # motions that differ by less than this share of their size are one
@@ -122,22 +124,21 @@ class Slide:
         """Characteristic length of a body that rests on the corners of its footprint, as most do, m."""
         return float(np.linalg.norm(np.concatenate(self.footprint) - self.middle, axis=1).mean())
 
-    def _force(self, twists: np.ndarray) -> np.ndarray:
-        """Wrench (3,) for twists (T, 3) that serves best when it is not known where the object's weight rests."""
-        length = np.sqrt(0.5 * (self.length**2 + self.rim_length**2))
-        return needed_wrench(twists, length).mean(axis=0)
+    @cached_property
+    def likely_length(self) -> float:
+        """Characteristic length in the middle of both, as nobody knows where the object's weight rests, m."""
+        return float(np.sqrt(0.5 * (self.length**2 + self.rim_length**2)))
 
     def lines(self, points, normals, R, origin, feature, tip) -> tuple[np.ndarray, np.ndarray]:
-        """Lines of contact that count: ends (N, 2, 2) about the middle and normals (N, 2) in level axes.
+        """Lines of contact: ends (N, 2, 2) about the middle and normals (N, 2) in level axes.
 
-        The vertices ``tip`` (V, 3) of the pusher that are ``feature`` (N, V) lie against the face at ``points``; the
-        ends of where they do are cut off by EDGE.
+        The vertices ``tip`` (V, 3) of the pusher that are ``feature`` (N, V) lie against the face at ``points``.
         """
         flat = _leveled(normals, self.level)
         flat /= np.linalg.norm(flat, axis=1)[:, None]
         sideways = np.stack([flat[:, 1], -flat[:, 0], np.zeros(len(flat))], axis=1) @ self.level
         ends = _contact_lines(points, normals, sideways, R, origin, feature, tip, self.own)
-        return _shortened(np.stack([_leveled(e, self.level) for e in ends], axis=1)) - self.middle, flat
+        return np.stack([_leveled(e, self.level) for e in ends], axis=1) - self.middle, flat
 
     def behind(self, normals: np.ndarray, twists: np.ndarray, friction: float) -> np.ndarray:
         """Which sides (N,) can push at all: for all twists (T, 3), the needed force is in their friction cone.
@@ -156,16 +157,10 @@ class Slide:
         flat = _leveled(cloud.normals, self.level)
         along = np.stack([flat[:, 1], -flat[:, 0]], axis=1) / np.linalg.norm(flat, axis=1)[:, None]
         places = _leveled(cloud.points, self.level) - self.middle
-        way = _level_with(places, along, self._force(twists))
+        way = _level_with(places, along, needed_wrench(twists, self.likely_length).mean(axis=0))
         offset = np.where(np.isfinite(way), way, 0.0)[:, None] * np.c_[along, np.zeros(len(along))] @ self.level
         share = on_face(cloud.points, cloud.normals, offset, SHRINKING, *self.own.arrays)
         return Cloud(cloud.points + share[:, None] * offset, cloud.normals, cloud.seen)
-
-    def balance(self, ends: np.ndarray, twists: np.ndarray) -> np.ndarray:
-        """How near the force that twists (T, 3) need is to the middle of lines (N, 2, 2): 1 there, 0 at the ends."""
-        half = 0.5 * (ends[:, 1] - ends[:, 0])
-        off = _level_with(ends.mean(axis=1), half, self._force(twists))
-        return 1.0 - np.minimum(np.nan_to_num(np.abs(off), nan=1.0), 1.0)
 
     def twists(self, poses: np.ndarray) -> Iterator[np.ndarray | None]:
         """Twists (2, 3) vx, vy, w of each step between poses (M, 7), in level axes on the object; None: no slide."""
@@ -213,13 +208,20 @@ def pushes(
     for points, R, origin, feature, tip, upright, index in sets:
         normals = cloud.normals[index]
         ends, flat = slide.lines(points, normals, R, origin, feature, tip)
-        keep = stable_pushes(ends, flat, FRICTION_SHARE * friction, twists, slide.length)
+        keep = stable_pushes(_shortened(ends, EDGE, EDGE_SHARE), flat, FRICTION_SHARE * friction, twists, slide.length)
+        steady = np.mean(
+            [
+                stable_pushes(_shortened(ends, e, 1.0), flat, STEADY_SHARE * friction, twists, slide.length)
+                for e in STEADY
+            ],
+            axis=0,
+        )
         keep &= _overlaps(slide, R, origin, feature, tip)
         keep &= _stays_upright(points @ slide.up - slide.lowest, flat, slide.footprint, slide.middle, friction)
         score = (
             scoring.place(R, points, normals, cloud.seen[index], centre, radius, situation)
             + scoring.W_UPRIGHT * upright
-            + scoring.W_BALANCED * slide.balance(ends, twists)
+            + scoring.W_STEADY * steady
         )
         sideways = np.cross(normals, slide.up)
         for down, aside, price in HELD_WAYS if hand.held else FINGER_WAYS:
@@ -289,7 +291,9 @@ def push_reach(body: Body, hand: Hand, contacts: Sequence[ContactPoint], poses: 
     off = np.abs(np.einsum("nvi,ni->nv", corners - points[:, None], normals))
     feature = off <= np.maximum(off.min(axis=1, keepdims=True), TOUCHING)  # of a round end the nearest vertex
     ends, flat = slide.lines(points, normals, R, at[:, :3], feature, hand.tip)
-    generators = cone_generators(ends, flat, FRICTION_SHARE * hand.friction(body.friction))
+    generators = cone_generators(
+        _shortened(ends, EDGE, EDGE_SHARE), flat, FRICTION_SHARE * hand.friction(body.friction)
+    )
     holds, before = np.ones(len(own), bool), None
     for k, twists in enumerate(slide.twists(poses)):
         if twists is None:
@@ -333,11 +337,11 @@ def _contact_lines(points, normals, tangent, R, origin, feature, tip, own) -> tu
     return ends[0], ends[1]
 
 
-def _shortened(ends: np.ndarray) -> np.ndarray:
-    """Lines (N, 2, 2) without what is not counted on at their ends."""
+def _shortened(ends: np.ndarray, edge: float, most: float) -> np.ndarray:
+    """Lines (N, 2, 2) without ``edge`` metres at each end, or the share ``most`` of their halves if that is less."""
     middle = ends.mean(axis=1, keepdims=True)
     half = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2.0
-    cut = EDGE / np.maximum(half, EDGE / EDGE_SHARE)
+    cut = edge / np.maximum(half, edge / most)
     return middle + (1.0 - cut)[:, None, None] * (ends - middle)
 
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from itertools import count
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from hmap_core.contacts.facets import facets
 from hmap_core.contacts.push import FRICTION_SHARE, UPRIGHT, Slide
@@ -26,7 +27,9 @@ from hmap_core.waypoints.checker import Geometry, ObjectChecker, planar_pose, pl
 from hmap_core.waypoints.problem import ObjectPathProblem
 from hmap_core.waypoints.resample import POSITION_STEP, resample
 
-LEAST_WIDTH = 0.01  # m; a narrower side is not pushed
+SAME_CORNER = 1e-4  # m between corners of a footprint that are one
+SAME_NORMAL = float(np.cos(np.deg2rad(2.0)))  # of a face and of the edge of the footprint below it
+SAME_HEADING = 3  # digits of a rad
 FROM_END = 0.01  # m from the ends of a side, within which it is not pushed
 UNSURE = 0.01  # m by which the place to push for an arc may be uncertain without a price
 CURVATURES = (1.0, 3.0, 10.0)  # that are tried, in units of that for which it is
@@ -83,19 +86,22 @@ class Leg:
 
 
 def sides(body: Body, slide: Slide) -> list[Side]:
-    """The sides of a body that slides: upright, flat, in the way of its middle; one for each direction."""
-    found: dict[float, list[float]] = {}
-    for facet in facets(body.shapes):
-        normal = slide.level @ facet.normal
-        if abs(normal[2]) > np.sin(UPRIGHT):
-            continue
-        inward = -normal[:2] / np.linalg.norm(normal[:2])
-        beside = ((facet.vertices @ slide.level.T)[:, :2] - slide.middle) @ [inward[1], -inward[0]]
-        if np.ptp(beside) >= LEAST_WIDTH:
-            found.setdefault(round(float(np.arctan2(inward[1], inward[0])), 6), []).extend(beside)
+    """The sides of a body that slides: flat, upright, outermost, and in the way of its middle."""
+    corners = np.concatenate(slide.footprint) - slide.middle
+    corners = corners[np.unique(np.round(corners / SAME_CORNER), axis=0, return_index=True)[1]]
+    outline = corners[ConvexHull(corners).vertices]  # counter-clockwise
+    normals = np.array([facet.normal for facet in facets(body.shapes)]) @ slide.level.T
+    normals = normals[np.abs(normals[:, 2]) <= np.sin(UPRIGHT), :2]
+    found: dict[float, tuple[float, list[float]]] = {}
+    for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        along = (end - start) / np.linalg.norm(end - start)
+        inward = np.array([-along[1], along[0]])
+        if (normals @ -inward >= SAME_NORMAL * np.linalg.norm(normals, axis=1)).any():
+            heading = float(np.arctan2(inward[1], inward[0]))
+            found.setdefault(round(heading, SAME_HEADING), (heading, []))[1].extend([start @ along, end @ along])
     return [
-        Side(heading, tuple(np.array([min(beside) + FROM_END, max(beside) - FROM_END]) / slide.length**2))
-        for heading, beside in sorted(found.items())
+        Side(heading, ((min(beside) + FROM_END) / slide.length**2, (max(beside) - FROM_END) / slide.length**2))
+        for heading, beside in sorted(found.values())
         if min(beside) + FROM_END <= 0.0 <= max(beside) - FROM_END
     ]
 

@@ -12,9 +12,9 @@ W_NEAR = 0.5  # on the side of the robot
 W_MOTION = 0.5  # pushes the way the object goes
 W_SEEN = 0.5  # seen by a camera
 W_DEEP = 0.8  # the fingers reach well round the object
-W_BALANCED = 2.0  # the force of a push passes through the middle of what touches
 W_UPRIGHT = 2.0  # what is held is upright as it stood
 W_STRAIGHT = 0.3  # the finger stands on the surface at a right angle
+W_STEADY = 20.0  # pushes that have room before they slip or turn: more than all else together
 # each further contact of the same sort (place, face, approach) counts this much less
 W_REPEATED = 0.15
 # size of a place, m

@@ -1,0 +1,105 @@
+"""What would tip in the hand if it were dragged over its support is lifted."""
+
+import numpy as np
+import pytest
+
+from hmap_core.planner.lifting import LIFT, drag_tips, lifted, raised
+from hmap_core.planner.local import LocalBackend, placed_bodies
+from hmap_core.scenes import load_scene
+from hmap_core.transforms import from_rpy, interpolate, pose
+from hmap_core.types import ContactKind, ContactPoint
+
+SCENE = """
+schema: 1
+description: A tall box beside the robot.
+mode: physical
+fixed:
+  table: {{shape: box, size: [2, 2, 0.1], pose: {{xyz: [0, 0, -0.05]}}}}
+  roof: {{shape: box, size: [0.6, 0.6, 0.02], pose: {{xyz: [0.5, 0.0, {roof}]}}}}
+movable:
+  tall: {{shape: box, size: [0.03, 0.06, 0.20], pose: {{xyz: [0.45, -0.1, 0.1]}}, mass: 0.2, friction: 0.6}}
+robots:
+  arm: {{model: panda, base: {{xyz: [0, 0, 0]}}}}
+goal: {{object: tall, pose: {{xyz: [0.55, -0.1, 0.1]}}}}
+"""
+
+
+def task(folder, roof=0.9):
+    file = folder / f"tall_{roof}.yaml"
+    file.write_text(SCENE.format(roof=roof))
+    return load_scene(str(file))
+
+
+def grasp(height, turn=0.0):
+    """From above in the body's frame, closing along y, or along x with a quarter turn."""
+    T = from_rpy((0.0, 0.0, height), (np.pi, 0.0, turn))
+    return ContactPoint(ContactKind.GRASP, T, T[:3], np.array([0.0, 1.0, 0.0]), 0.06, np.array([0.0, 0.0, 1.0]))
+
+
+def path(scene):
+    return interpolate(scene.bodies["tall"].pose, scene.goal.pose, np.linspace(0.0, 1.0, 11))
+
+
+@pytest.mark.parametrize(
+    ("height", "turn", "tips"),
+    [
+        (0.0, 0.0, True),  # 0.6 * 10 cm against 1.5 cm
+        (-0.08, 0.0, False),  # 0.6 * 2 cm against 1.5 cm
+        (0.0, np.pi / 2, False),  # the fingers are on the faces before and behind
+    ],
+)
+def test_what_tips_depends_on_the_height_of_the_grip(tmp_path, height, turn, tips):
+    scene = task(tmp_path)
+    assert drag_tips(scene.bodies["tall"], grasp(height, turn), path(scene)) == tips
+
+
+def test_what_rises_by_itself_does_not_tip(tmp_path):
+    scene = task(tmp_path)
+    poses = path(scene)
+    poses[:, 2] += np.linspace(0.0, 0.2, len(poses))
+    assert not drag_tips(scene.bodies["tall"], grasp(0.0), poses)
+
+
+def test_raising_leaves_the_ends_and_what_is_high_enough():
+    poses = np.tile(pose((0.0, 0.0, 0.1)), (7, 1))
+    poses[3, 2] = 0.3
+    once = raised(poses, 3, 3)
+    np.testing.assert_allclose(once[:, 2] - 0.1, [0.0, LIFT, LIFT, 0.2, LIFT, LIFT, 0.0])
+    np.testing.assert_allclose(raised(once, 3, 3), once)
+
+
+def contact_on(scene, poses):
+    """A contact of the arm that would be dragged and tip; which one the sampling finds is the same every time."""
+    state = scene.start_state()
+    found = LocalBackend().propose_contacts(scene, state, "tall", poses, seed=0)
+    return next(c for c in found if c.reach == len(poses) - 1 and drag_tips(scene.bodies["tall"], c.contact, poses))
+
+
+def test_there_is_room_to_lift_it_or_not(tmp_path):
+    scene = task(tmp_path)
+    poses, state = path(scene), scene.start_state()
+    contact = contact_on(scene, poses)
+    around = placed_bodies(scene, state, "tall")
+    higher, way = lifted(scene, state, "tall", contact, poses, around, 0.7)
+    np.testing.assert_allclose(way[1:-1, 2], 0.1 + LIFT)
+    np.testing.assert_allclose(way[[0, -1]], poses[[0, -1]])
+    assert higher.keyframes.shape == contact.keyframes.shape
+    assert np.abs(higher.keyframes[5] - contact.keyframes[5]).max() > 1e-3
+
+    low = task(tmp_path, roof=0.218)  # 8 mm over it
+    under = placed_bodies(low, low.start_state(), "tall")
+    kept, way = lifted(low, low.start_state(), "tall", contact, poses, under, 0.7)
+    assert kept is contact
+    assert way is poses
+
+    heavy, way = lifted(scene, state, "tall", contact, poses, around, -1.0)  # as if the pads held nothing
+    assert heavy is contact
+    assert way is poses
+
+
+def test_a_segment_of_the_planner_lifts_what_would_tip(tmp_path):
+    scene = task(tmp_path)
+    poses, state = path(scene), scene.start_state()
+    contact = contact_on(scene, poses)
+    motion = LocalBackend().solve_segment(scene, state, "tall", contact, poses, seed=0)
+    assert motion.trajectory.objects["tall"][:, 2].max() == pytest.approx(0.1 + LIFT, abs=2e-3)
