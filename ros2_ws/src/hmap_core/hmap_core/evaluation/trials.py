@@ -50,7 +50,7 @@ def task_names(tasks: Sequence[str] = (), published: bool = False) -> list[str]:
     """The tasks to try, as :func:`hmap_core.scenes.load_scene` takes them.
 
     Args:
-        tasks: names without ``published/``, or paths of task files; none: all that come with hmap in the set.
+        tasks: names without ``published/``, or paths of task files; none: all of the set that have a plan.
         published: the set with the published geometry.
 
     Raises:
@@ -60,7 +60,8 @@ def task_names(tasks: Sequence[str] = (), published: bool = False) -> list[str]:
 
     in_set = [task for task in list_tasks() if task.startswith(PUBLISHED) == published]
     prefix = PUBLISHED if published else ""
-    chosen = [task if is_file(task) else prefix + task.removeprefix(prefix) for task in tasks] or in_set
+    chosen = [task if is_file(task) else prefix + task.removeprefix(prefix) for task in tasks]
+    chosen = chosen or [task for task in list_tasks(unsolvable=False) if task in in_set]
     for task in chosen:
         if not is_file(task) and task not in in_set:
             known = ", ".join(name.removeprefix(PUBLISHED) for name in in_set)

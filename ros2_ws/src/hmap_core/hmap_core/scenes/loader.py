@@ -19,10 +19,18 @@ from hmap_core.types import EXECUTED_WITHIN, Body, BodyKind, Camera, Goal, Robot
 MIN_VIEW_ANGLE = np.deg2rad(0.1)  # between a camera's view and its up direction
 
 
-def list_tasks() -> list[str]:
-    """Names of the tasks that come with hmap, such as ``tunnel`` and ``published/tunnel``."""
+def list_tasks(unsolvable: bool = True) -> list[str]:
+    """Names of the tasks that come with hmap, such as ``tunnel`` and ``published/tunnel``.
+
+    Args:
+        unsolvable: those too that have no plan, and are there to see what is said of them.
+    """
     folder = resources.package_path("hmap_scenes") / "tasks"
-    return sorted(path.relative_to(folder).with_suffix("").as_posix() for path in folder.rglob("*.yaml"))
+    return sorted(
+        path.relative_to(folder).with_suffix("").as_posix()
+        for path in folder.rglob("*.yaml")
+        if unsolvable or not read(path).data.get("unsolvable", False)
+    )
 
 
 def load_scene(task: str | Path, seed: int | None = None) -> Scene:

@@ -242,6 +242,7 @@ class TaskFile(Strict):
     goal: GoalEntry
     removable: dict[Name, Pose | None] = {}
     execution_tolerance: ExecutionTolerance = ExecutionTolerance()
+    unsolvable: bool = False
 
 
 class EndEffector(Strict):
