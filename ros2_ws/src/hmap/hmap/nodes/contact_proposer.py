@@ -25,8 +25,8 @@ class RemoteFeasibility(LocalBackend):
         super().__init__()
         self._remote, self._until = RosBackend(caller), time.monotonic() + limit
 
-    def check_contacts(self, scene: Scene, state, object, object_poses, robot, contacts, rng):
-        contacts = self.promising_contacts(scene, state, object, object_poses, robot, contacts)
+    def check_contacts(self, scene: Scene, state, object, object_poses, robot, contacts, rng, beyond=-1):
+        contacts = self.promising_contacts(scene, state, object, object_poses, robot, contacts, beyond)
         left = max(0.0, self._until - time.monotonic())
         return self._remote.check_contacts(scene, state, object, object_poses, robot, contacts, rng, left)
 

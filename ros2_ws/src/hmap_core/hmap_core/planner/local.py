@@ -31,7 +31,7 @@ from hmap_core.waypoints import DEFAULT_MARGIN, ObjectPath, ObjectPathProblem, p
 SURFACE_POINTS = 600  # samples of the object's surface when looking at it
 BATCH = 240  # candidates checked at once
 MAX_CANDIDATES = 480  # per robot, before it is out of contacts
-ENOUGH = 4  # feasible contacts per robot after which only better ones are looked for
+ENOUGH = 2  # feasible contacts per robot after which only better ones are looked for
 STRETCH_WEIGHT = 0.7  # share of a contact's worth that is lost when the arm is stretched out
 SCORE_WEIGHT = 0.1  # poses of the path that one point of a contact's score is worth
 ACCESS = 0.002  # m of room before a place of the surface that an arm without fingers, or a tool, needs
@@ -102,7 +102,8 @@ class LocalBackend:
     ) -> list[RobotContact]:
         """Algorithm 3: feasible contacts, the one that carries the object farthest first.
 
-        Robots are asked in the order given, until one can carry the object all the way.
+        Robots are asked in the order given, until one can carry the object all the way; each only for contacts that
+        carry it farther than those of the robots before.
         """
         deadline = time.monotonic() + time_limit
         rng = np.random.default_rng(seed)
@@ -110,14 +111,14 @@ class LocalBackend:
         found: list[RobotContact] = []
         looked_at = 0
         for name in robots or scene.robots:
-            if any(contact.reach == len(object_poses) - 1 for contact in found):
-                break  # nobody else could carry it farther
+            beyond = max((contact.reach for contact in found), default=-1)
+            if beyond == len(object_poses) - 1:
+                break
             sampled = self._sampled(scene, state, object, object_poses, name, cloud, rng)
             for batch in chain([informed] if informed else [], sampled):
                 looked_at += len(batch)
-                feasible = self.check_contacts(scene, state, object, object_poses, name, batch, rng)
-                found += feasible
-                if feasible or time.monotonic() > deadline:
+                found += self.check_contacts(scene, state, object, object_poses, name, batch, rng, beyond)
+                if found or time.monotonic() > deadline:
                     break
         if not found:
             raise ContactError(
@@ -136,16 +137,18 @@ class LocalBackend:
         robot: str,
         contacts: Sequence[ContactPoint],
         rng: np.random.Generator,
+        beyond: int = -1,
     ) -> list[RobotContact]:
         """The feasible ones of one robot's candidates, with how far they serve; :meth:`propose_contacts` ranks them.
 
-        The other robots are thought of at home; where they are not, they have to go there first (``clear``).
+        Those that serve no farther than pose ``beyond`` are left out. The other robots are thought of at home; where
+        they are not, they have to go there first (``clear``).
         """
         contacts = self._holding(scene, object, object_poses, robot, contacts)
         if not contacts:
             return []
         manipulation, away = self._cleared(scene, state, object, robot)
-        release, least = self._release(scene, state, object, object_poses), least_reach(object_poses)
+        release, least = self._release(scene, state, object, object_poses), max(least_reach(object_poses), beyond + 1)
         return [
             RobotContact(robot, contacts[f.index], len(f.keyframes) - 1, f.keyframes, away)
             for f in feasible_contacts(manipulation, contacts, object_poses, release, rng, least, self.enough)
@@ -159,6 +162,7 @@ class LocalBackend:
         object_poses: np.ndarray,
         robot: str,
         contacts: Sequence[ContactPoint],
+        beyond: int = -1,
     ) -> list[ContactPoint]:
         """The candidates that :meth:`check_contacts` would ask the arm for, in that order: a cheap first choice."""
         contacts = self._holding(scene, object, object_poses, robot, contacts)
@@ -166,7 +170,8 @@ class LocalBackend:
             return []
         manipulation, _ = self._cleared(scene, state, object, robot)
         release = self._release(scene, state, object, object_poses)
-        order, _ = promising(manipulation, contacts, object_poses, release, least_reach(object_poses))
+        least = max(least_reach(object_poses), beyond + 1)
+        order, _ = promising(manipulation, contacts, object_poses, release, least)
         return [contacts[k] for k in order]
 
     def _holding(self, scene: Scene, object: str, object_poses, robot: str, contacts) -> list[ContactPoint]:

@@ -105,16 +105,17 @@ class ObjectChecker:
             shapes = everything.kept(~below)
         self.obstacles = shapes
         self._b = shapes.arrays
-        self._ends = np.minimum(self.distances(problem.start), self.distances(problem.goal))
-        self._no_extra = np.zeros(len(self._ends))
+        self._ends = np.array([self.distances(problem.start), self.distances(problem.goal)])
+        self._no_extra = np.zeros(len(self.owners))
         self.checks = 0  # motions looked at
         self._keep(margin)
 
     def _keep(self, margin: float) -> None:
         self.margin = margin
-        self.contact = self._ends < margin  # (SB,) touched, or nearly, at an end
-        self.required = np.maximum(np.minimum(margin, self._ends - CONTACT_SLACK), -PENETRATION_ALLOWED)
-        self.blocked = np.zeros(len(self._ends), np.int64)  # how often each shape stopped a motion
+        self.contact_at_end = self._ends < margin  # (2, SB) touched, or nearly, at the start and at the goal
+        self.contact = self.contact_at_end.any(axis=0)
+        self.required = np.maximum(np.minimum(margin, self._ends.min(axis=0) - CONTACT_SLACK), -PENETRATION_ALLOWED)
+        self.blocked = np.zeros(len(self.owners), np.int64)  # how often each shape stopped a motion
 
     def with_margin(self, margin: float) -> "ObjectChecker":
         """The same checker with another margin in metres."""
@@ -149,11 +150,16 @@ class ObjectChecker:
             return False
         return self.support is None or self.support.holds(T)
 
-    def motion_free(self, T0: np.ndarray, T1: np.ndarray, extra: float = 0.0) -> bool:
-        """Whether the body may move from T0 to T1 (7,), ``extra`` metres more than the margin off non-contacts."""
+    def motion_free(self, T0: np.ndarray, T1: np.ndarray, extra: float = 0.0, near: np.ndarray | None = None) -> bool:
+        """Whether the body may move from T0 to T1 (7,), ``extra`` metres more than the margin off what is not ``near``.
+
+        ``near`` (SB,) are the shapes that it may come as near to as at an end; None: all contacts.
+        """
         self.checks += 1
         hit = np.array([-1, 0])
-        more = np.where(self.contact, 0.0, extra) if extra else self._no_extra
+        more = self._no_extra
+        if extra or near is not None:
+            more = np.where(self.contact if near is None else near, 0.0, self.margin + extra - self.required)
         if kernels.free_until(T0, T1, *self._a, *self._b, self.required, more, hit) < 1.0:
             self.blocked[hit[0]] += 1
             return False

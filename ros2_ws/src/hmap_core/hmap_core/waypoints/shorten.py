@@ -14,6 +14,8 @@ MIN_SAVING = 1e-3
 RELAX_STEPS = (0.02, 0.01, 0.005)
 # wanted beyond the margin where there is room, m
 COMFORT = 0.01
+# a shape is still touched where its distance differs by no more than this, m
+STILL_TOUCHED = 1e-3
 # a corner may cost this much more length for its comfort, m
 COMFORT_PRICE = 0.01
 
@@ -65,31 +67,59 @@ def shortcut(checker: ObjectChecker, path: np.ndarray, rng: np.random.Generator)
     return path
 
 
-def _comfortable(checker: ObjectChecker, corners: np.ndarray, wanted: float) -> bool:
-    return all(checker.motion_free(a, b, wanted) for a, b in zip(corners[:-1], corners[1:], strict=True))
+def _comfortable(checker: ObjectChecker, corners: np.ndarray, extra: float, near: list[np.ndarray | None]) -> bool:
+    pairs = zip(corners[:-1], corners[1:], near, strict=True)
+    return all(checker.motion_free(a, b, extra, own) for a, b, own in pairs)
 
 
 def relax(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
-    """Move each inner corner a little so that the motions next to it keep COMFORT more than the margin, if they can."""
+    """Move each inner corner a little so that the motions next to it keep COMFORT more than the margin, if they can.
+
+    What is touched where the path begins or ends may be near as long as the body goes along it, but not when it passes
+    it elsewhere; where that cannot be, the margin alone is kept off it, else nothing.
+    """
     path = path.copy()
-    radius = checker.radius
-    directions = _directions(checker)
+    near = _near(checker, path)
     for k in range(1, len(path) - 1):
-        here = path[k - 1 : k + 2]
-        if _comfortable(checker, here, COMFORT):
-            continue
-        best, best_length = None, np.inf
-        for step in RELAX_STEPS:
-            for d in directions:
-                moved = here.copy()
-                moved[1, :3] += step * d
-                total = length(moved[0], moved[1], radius) + length(moved[1], moved[2], radius)
-                if total < best_length and _comfortable(checker, moved, COMFORT):
-                    best, best_length = moved[1], total
-        before = length(here[0], here[1], radius) + length(here[1], here[2], radius)
-        if best is not None and best_length < before + COMFORT_PRICE:
-            path[k] = best
+        own = near[k - 1 : k + 1]
+        for extra, touched in ((COMFORT, own), (0.0, own), (COMFORT, [None, None])):
+            better = _relaxed(checker, path[k - 1 : k + 2], extra, touched)
+            if better is not None:
+                path[k] = better
+                break
     return path
+
+
+def _near(checker: ObjectChecker, path: np.ndarray) -> list[np.ndarray]:
+    """For each motion of a path, the shapes (SB,) touched at the start that were not left yet; or at the goal."""
+    touching = np.array([checker.distances(T) for T in path])
+    near = [np.zeros(touching.shape[1], bool) for _ in path[1:]]
+    for own, order in (
+        (checker.contact_at_end[0], range(len(near))),
+        (checker.contact_at_end[1], range(len(near))[::-1]),
+    ):
+        at_end = touching[0 if order.step > 0 else -1]
+        for leg in order:
+            own = own & (np.abs(touching[leg if order.step > 0 else leg + 1] - at_end) <= STILL_TOUCHED)
+            near[leg] |= own
+    return near
+
+
+def _relaxed(checker: ObjectChecker, corners: np.ndarray, extra: float, near: list) -> np.ndarray | None:
+    """Where the middle one of three corners (3, 7) is best for comfort; None: nowhere near."""
+    if _comfortable(checker, corners, extra, near):
+        return corners[1]
+    radius = checker.radius
+    best, best_length = None, np.inf
+    for step in RELAX_STEPS:
+        for d in _directions(checker):
+            moved = corners.copy()
+            moved[1, :3] += step * d
+            total = length(moved[0], moved[1], radius) + length(moved[1], moved[2], radius)
+            if total < best_length and _comfortable(checker, moved, extra, near):
+                best, best_length = moved[1], total
+    before = length(corners[0], corners[1], radius) + length(corners[1], corners[2], radius)
+    return best if best_length < before + COMFORT_PRICE else None
 
 
 def turn_late(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
