@@ -7,17 +7,21 @@ import pytest
 from simulation_fixtures import panda_model
 
 from hmap_core.kinematics.urdf import load_urdf
-from hmap_core.simulation.finger_pads import RECESS, with_pads
+from hmap_core.simulation.finger_pads import RADIUS, RECESS, SPREAD, with_pads
 
 
 def test_each_finger_has_its_pad_in_front_of_its_hull(tmp_path):
     model = panda_model()
     own = load_urdf(with_pads(model, tmp_path)).hulls
     for link, inward in zip(model.gripper.finger_links, (-1.0, 1.0), strict=True):
-        (hull, _), (pad, _) = own[link]
-        assert np.ptp(pad[:, 0]) == pytest.approx(2 * model.gripper.pad_half_width, abs=1e-6)
-        assert (pad[:, 1] * inward).max() == pytest.approx(0.0, abs=2e-4)  # closed pads meet
-        assert (pad[:, 1] * inward).max() - (hull[:, 1] * inward).max() == pytest.approx(RECESS, abs=1e-6)
+        (hull, _), *pad = own[link]
+        assert all(radius == RADIUS for _, radius in pad)
+        pad = np.concatenate([points for points, _ in pad])
+        assert len(pad) == len(SPREAD) ** 2
+        assert np.ptp(pad[:, 0]) + 2 * RADIUS == pytest.approx(2 * model.gripper.pad_half_width, abs=1e-6)
+        front = (pad[:, 1] * inward).max() + RADIUS
+        assert front == pytest.approx(0.0, abs=2e-4)  # closed pads meet
+        assert front - (hull[:, 1] * inward).max() == pytest.approx(RECESS, abs=1e-6)
         before = np.concatenate([points for points, _ in load_urdf(model.urdf).hulls[link]])
         assert (hull[:, 1] * inward).min() == pytest.approx((before[:, 1] * inward).min(), abs=1e-6)
 

@@ -9,13 +9,13 @@ from waypoints_fixtures import SLACK, U_WALLS, WINDOW, u_problem, window_problem
 
 from hmap_core.collision.convex import convex_set
 from hmap_core.transforms import IDENTITY, interpolate, pose
-from hmap_core.types import Shape, ShapeKind
+from hmap_core.types import BodyKind, Shape, ShapeKind
 from hmap_core.waypoints import DEFAULT_MARGIN, ObjectPathProblem
 from hmap_core.waypoints.checker import Geometry, ObjectChecker, ObstacleShapes
 from hmap_core.waypoints.kernels import between, length
 from hmap_core.waypoints.rrt import rrt_path
 from hmap_core.waypoints.search import search_bounds
-from hmap_core.waypoints.shorten import smooth
+from hmap_core.waypoints.shorten import relax, smooth
 from hmap_core.waypoints.support import Support, centre_of_mass
 
 
@@ -91,6 +91,22 @@ def test_the_trees_alone_are_repeatable_and_right(problem, planar, walls):
     assert other[0].shape != first[0].shape or not np.allclose(other[0], first[0])
     for path in (first[0], other[1]):
         assert worst_distance(problem.body, path, walls, step=4e-3, radius=0.15) > DEFAULT_MARGIN - SLACK
+
+
+def test_what_is_touched_at_the_goal_is_not_brushed_on_the_way_there():
+    """A book goes round the front of the board on which it will stand; from its old place it slides out, as it did."""
+    boards = [box(f"board{k}", (0.4, 0.3, 0.02), (0, 0, 0.3 * k)) for k in range(2)]
+    book = box("book", (0.06, 0.2, 0.2), (0, 0, 0), kind=BodyKind.MOVABLE)
+    start, goal = pose((0, 0, 0.11)), pose((0, 0, 0.41))
+    checker = checker_of(ObjectPathProblem(book, start, goal, tuple(boards), motion="spatial", margin=0.01), False)
+    out, over = pose((0, 0.29, 0.11)), pose((0, 0.3, 0.41))
+    brushing = pose((0, 0.2511, 0.25))  # 1 mm in front of the upper board
+    path = relax(checker, np.array([start, out, brushing, over, goal]))
+    np.testing.assert_array_equal(path[[0, 4]], [start, goal])
+    upper = checker.owners.index("board1")
+    passing = interpolate(path[1], path[2], np.linspace(0, 1, 40)), interpolate(path[2], path[3], np.linspace(0, 1, 40))
+    assert checker.distances(brushing)[upper] < 0.002
+    assert min(checker.distances(T)[upper] for T in np.concatenate(passing)) >= 0.01
 
 
 def test_the_mass_centre_weighs_shapes_by_volume():

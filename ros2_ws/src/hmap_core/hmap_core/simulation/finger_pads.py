@@ -1,7 +1,8 @@
-"""Flat pads on the inner faces of sliding fingers, as boxes.
+"""Flat pads on the inner faces of sliding fingers, as spheres side by side.
 
 Scanned finger meshes are uneven by a tenth of a millimetre, and for contacts of their convex hulls Bullet finds normals
-that point along the face, which turn what is held and keep it from being let go. Boxes against boxes do better.
+that point along the face, which turn what is held and keep it from being let go. So it does, more seldom, for boxes on
+boxes whose edges are nearly parallel. A sphere has one normal.
 """
 
 from pathlib import Path
@@ -9,7 +10,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import trimesh
-from scipy.spatial.transform import Rotation
 
 from hmap_core.kinematics.urdf import Urdf, load_urdf
 from hmap_core.transforms import rotation_matrix
@@ -17,9 +17,10 @@ from hmap_core.types import RobotModel
 
 FACE = 3e-4  # m; vertices of a finger this near to the foremost one are of its inner face
 FULL_WIDTH = 0.9  # of the pads' half width; beyond, a vertex is at a side of the face
-THICKNESS = 0.004  # m of a pad
+RADIUS = 0.002  # m of the spheres that make a pad
+SPREAD = (-1.0, 0.0, 1.0)  # where they are, as shares of the pad's halves
 RECESS = 2e-3  # m by which the hull is cut off behind the face of its pad: Bullet's hulls are 1 mm larger all round
-LEAST = 1e-3  # m; smaller faces get no pad
+LEAST = 2 * RADIUS  # m; smaller faces get no pad
 
 
 def with_pads(model: RobotModel, folder: Path) -> Path:
@@ -44,7 +45,7 @@ def with_pads(model: RobotModel, folder: Path) -> Path:
 
 
 def _pad(urdf: Urdf, model: RobotModel, link: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
-    """Size (3,), centre (3,), axes (3, 3) of a finger's pad, and the direction (3,) in which it opens, link frame."""
+    """Width and height (2,), centre (3,) and axes (3, 3) of a finger's pad, and where (3,) it opens to, link frame."""
     joint = urdf.joints.get(link)
     if joint is None or joint.kind != "prismatic" or joint.parent != model.end_effector_link:
         return None
@@ -61,8 +62,8 @@ def _pad(urdf: Urdf, model: RobotModel, link: str) -> tuple[np.ndarray, np.ndarr
     top = min(sides[sides[:, 0] * side > 0.0, 2].max(initial=low) for side in (1.0, -1.0))
     if top - low < LEAST:
         return None
-    centre = axes @ [0.0, np.median(inner[:, 1]) + THICKNESS / 2.0, (low + top) / 2.0]
-    return np.array([2.0 * half, THICKNESS, top - low]), centre, axes, opening
+    centre = axes @ [0.0, np.median(inner[:, 1]) + RADIUS, (low + top) / 2.0]
+    return np.array([2.0 * half, top - low]), centre, axes, opening
 
 
 def _replace(link: ElementTree.Element, hulls, pad, file: Path) -> None:
@@ -71,14 +72,17 @@ def _replace(link: ElementTree.Element, hulls, pad, file: Path) -> None:
     for collision in link.findall("collision"):
         link.remove(collision)
     vertices = np.concatenate([points for points, _ in hulls])
-    missing = centre @ opening - THICKNESS / 2.0 + RECESS - vertices @ opening
+    missing = centre @ opening - RADIUS + RECESS - vertices @ opening
     trimesh.PointCloud(vertices + np.outer(np.maximum(missing, 0.0), opening)).convex_hull.export(file)
     hull = ElementTree.SubElement(link, "collision")
     ElementTree.SubElement(ElementTree.SubElement(hull, "geometry"), "mesh", filename=str(file))
-    box = ElementTree.SubElement(link, "collision")
-    rpy = Rotation.from_matrix(axes).as_euler("xyz")
-    ElementTree.SubElement(box, "origin", xyz=_text(centre), rpy=_text(rpy))
-    ElementTree.SubElement(ElementTree.SubElement(box, "geometry"), "box", size=_text(size))
+    across = (size[0] / 2.0 - RADIUS) * axes[:, 0]
+    along = (size[1] / 2.0 - RADIUS) * axes[:, 2]
+    for u in SPREAD:
+        for v in SPREAD:
+            sphere = ElementTree.SubElement(link, "collision")
+            ElementTree.SubElement(sphere, "origin", xyz=_text(centre + u * across + v * along))
+            ElementTree.SubElement(ElementTree.SubElement(sphere, "geometry"), "sphere", radius=f"{RADIUS:g}")
 
 
 def _text(numbers: np.ndarray) -> str:
