@@ -18,7 +18,7 @@ def test_each_finger_has_its_pad_in_front_of_its_hull(tmp_path):
         assert all(radius == RADIUS for _, radius in pad)
         pad = np.concatenate([points for points, _ in pad])
         assert len(pad) == len(SPREAD) ** 2
-        assert np.ptp(pad[:, 0]) + 2 * RADIUS == pytest.approx(2 * model.gripper.pad_half_width, abs=1e-6)
+        assert np.ptp(pad[:, 0]) == pytest.approx(2 * model.gripper.pad_half_width, abs=1e-6)
         front = (pad[:, 1] * inward).max() + RADIUS
         assert front == pytest.approx(0.0, abs=2e-4)  # closed pads meet
         assert front - (hull[:, 1] * inward).max() == pytest.approx(RECESS, abs=1e-6)

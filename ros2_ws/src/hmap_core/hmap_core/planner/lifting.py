@@ -3,6 +3,8 @@
 The support's friction acts on the bottom of what is dragged, and turns it about the closing axis until it stands on its
 leading edge. From there it wedges itself between hand and support, whatever the pads' friction, once that friction has
 the longer lever: mu h > a, with h the height of the grip over the support and a how far the edge is ahead of the grip.
+And what goes through the air anyway leaves its support upwards and comes to it from above: level, it would meet the
+edge of what it comes to.
 """
 
 from dataclasses import replace
@@ -34,27 +36,34 @@ def lifted(
 ) -> tuple[RobotContact, np.ndarray]:
     """The contact, and poses (M, 7) that keep the object LIFT off what it stands on at both ends.
 
-    Both as they were where dragging does no harm, where there is no room to lift the object or the arm cannot, or where
-    its weight would use up more than the share ``turning`` of the friction against turning in the hand.
+    At one end where it cannot be done at both. All as it was where the object may as well be dragged all the way, where
+    there is no room to lift it or the arm cannot, or where its weight would use up more than the share ``turning`` of
+    the friction against turning in the hand.
     """
     body, own = scene.bodies[object], contact.contact
     gripper = scene.robots[contact.robot].model.gripper
     if own.kind != ContactKind.GRASP or gripper is None or scene.robots[contact.robot].model.held is not None:
         return contact, poses
     head, tail = _low(poses), _low(poses[::-1])
-    if not (drag_tips(body, own, poses[:head]) or drag_tips(body, own, poses[::-1][:tail][::-1])):
+    flies = np.ptp(poses[:, 2]) > LIFT
+    if not (flies or drag_tips(body, own, poses[:head]) or drag_tips(body, own, poses[::-1][:tail][::-1])):
         return contact, poses
     if turning_share(body, [own], gripper, rotation_matrix(poses[0])[2])[0] > turning:
         return contact, poses
-    higher = raised(poses, head, tail)
     problem = ObjectPathProblem(body, poses[0], poses[-1], obstacles)
     checker = ObjectChecker(problem, Geometry(problem), False, DEFAULT_MARGIN)
-    if not all(checker.motion_free(a, b) for a, b in zip(higher, higher[1:], strict=False)):
-        return contact, poses
     manipulation = Manipulation(scene, state, contact.robot, object)
     last = np.arange(len(poses)) == len(poses) - 1
-    keyframes = carried(manipulation, own, contact.keyframes[0], higher, last)
-    return (contact, poses) if len(keyframes) < len(poses) else (replace(contact, keyframes=keyframes), higher)
+    for ends in ((head, tail), (0, tail), (head, 0)):
+        higher = raised(poses, *ends)
+        if np.array_equal(higher, poses):
+            continue
+        if not all(checker.motion_free(a, b) for a, b in zip(higher, higher[1:], strict=False)):
+            continue
+        keyframes = carried(manipulation, own, contact.keyframes[0], higher, last)
+        if len(keyframes) == len(poses):
+            return replace(contact, keyframes=keyframes), higher
+    return contact, poses
 
 
 def drag_tips(body: Body, contact: ContactPoint, poses: np.ndarray) -> bool:
