@@ -103,3 +103,15 @@ def test_a_segment_of_the_planner_lifts_what_would_tip(tmp_path):
     contact = contact_on(scene, poses)
     motion = LocalBackend().solve_segment(scene, state, "tall", contact, poses, seed=0)
     assert motion.trajectory.objects["tall"][:, 2].max() == pytest.approx(0.1 + LIFT, abs=2e-3)
+
+
+def test_what_flies_is_put_down_from_above(tmp_path):
+    """Gripped before and behind it would not tip; but as its way rises, it does not come along the table."""
+    scene = task(tmp_path)
+    state, poses = scene.start_state(), path(scene)
+    poses[3:6, 2] += 0.05
+    found = LocalBackend().propose_contacts(scene, state, "tall", poses, seed=0)
+    contact = next(c for c in found if c.reach == len(poses) - 1 and c.contact.kind == ContactKind.GRASP)
+    _, way = lifted(scene, state, "tall", contact, poses, placed_bodies(scene, state, "tall"), 0.7)
+    np.testing.assert_allclose(way[[1, 2, 6, 7, 8, 9], 2], 0.1 + LIFT)
+    np.testing.assert_allclose(way[[0, 3, 4, 5, 10]], poses[[0, 3, 4, 5, 10]])
