@@ -30,3 +30,29 @@ def carry(folder: Path, model="panda", mode="physical", motion="auto", wall=0.05
     file = folder / "carry.yaml"
     file.write_text(text)
     return load_scene(str(file))
+
+CRATE = """
+schema: 1
+description: Push a crate that is too wide for the gripper past a wall, and turn it.
+mode: physical
+motion: planar
+fixed:
+  table: {shape: box, size: [2.4, 2.4, 0.1], pose: {xyz: [0, 0, -0.05]}}
+  wall: {shape: box, size: [0.1, 0.02, 0.1], pose: {xyz: [0.31, 0, 0.05]}}
+movable:
+  crate: {shape: box, size: [0.12, 0.12, 0.08], pose: {xyz: [0.4, -0.15, 0.04]}, mass: 0.3, friction: 0.4}
+robots:
+  arm: {model: panda, base: {xyz: [0, 0, 0]}}
+goal:
+  object: crate
+  pose: {xyz: [0.45, 0.2, 0.04], rpy_deg: [0, 0, 40]}
+  position_tolerance: 0.01
+  rotation_tolerance_deg: 3
+"""
+
+
+def crate(folder: Path) -> Scene:
+    """A crate that no hand can grip, to be pushed past a wall and turned by 40 deg."""
+    file = folder / "crate.yaml"
+    file.write_text(CRATE)
+    return load_scene(str(file))

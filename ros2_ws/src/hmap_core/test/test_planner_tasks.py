@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from planner_fixtures import carry
+from planner_fixtures import carry, crate
 
 from hmap_core.exceptions import Code, ContactError, HmapError, InputError, PlannerError
 from hmap_core.execution.execute import execute
@@ -44,6 +44,13 @@ def test_a_panda_carries_a_box_past_a_wall(tmp_path, motion):
     assert_solves(made, SegmentKind.GRASP)
     highest = made.trajectory.objects["brick"][:, 2].max()
     assert (highest > 0.09) == (motion == "spatial")  # over the wall, or round it
+
+
+def test_a_crate_that_no_hand_can_grip_is_pushed_past_a_wall_and_turned(tmp_path):
+    made = plan(crate(tmp_path), seed=0, time_limit=TIME_LIMIT)
+    assert_solves(made, SegmentKind.PUSH)
+    report = execute(made)
+    assert report.solved, report.reason
 
 
 def test_a_panda_touches_a_box_past_a_wall(tmp_path):
