@@ -31,6 +31,7 @@ def carry(folder: Path, model="panda", mode="physical", motion="auto", wall=0.05
     file.write_text(text)
     return load_scene(str(file))
 
+
 CRATE = """
 schema: 1
 description: Push a crate that is too wide for the gripper past a wall, and turn it.

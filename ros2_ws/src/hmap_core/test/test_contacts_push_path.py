@@ -8,7 +8,7 @@ from geometry_fixtures import TABLE, box, yaw
 
 from hmap_core.contacts.friction import in_cone, needed_wrench
 from hmap_core.contacts.push import Slide
-from hmap_core.contacts.push_path import PushPlanner, pushed_path, sides, ways_in
+from hmap_core.contacts.push_path import PushPlanner, sides, ways_in
 from hmap_core.transforms import distance, interpolate, pose
 from hmap_core.types import BodyKind, Shape, ShapeKind
 from hmap_core.waypoints import ObjectPathProblem, plan_waypoints
@@ -69,14 +69,14 @@ def test_a_crate_has_four_sides_and_turns_more_the_farther_from_its_middle_it_is
 @pytest.mark.parametrize("goal", [at(0.3, 0.0), at(0.2, 0.15), at(-0.1, 0.25), at(0.3, 0.1, 40), at(-0.2, -0.2, -100)])
 def test_any_pose_is_reached_by_pushes(goal):
     task = problem(at(0, 0), goal)
-    path = pushed_path(task, straight(task), None)
+    path = PushPlanner(task).path(straight(task), None)
     assert_free(task, path)
     assert_can_be_pushed(path)
 
 
 def test_straight_along_a_normal_is_one_push():
     task = problem(at(0, 0, 25), at(0.2 * np.cos(np.deg2rad(25)), 0.2 * np.sin(np.deg2rad(25)), 25))
-    path = pushed_path(task, straight(task), None)
+    path = PushPlanner(task).path(straight(task), None)
     assert len(path) == 21
     np.testing.assert_allclose(path, interpolate(task.start, task.goal, np.linspace(0, 1, 21)), atol=1e-9)
 
@@ -84,7 +84,7 @@ def test_straight_along_a_normal_is_one_push():
 def test_round_a_wall():
     task = problem(at(0.0, -0.15), at(0.0, 0.15), WALL)
     found = plan_waypoints(task, np.random.default_rng(0)).poses
-    path = pushed_path(task, found, None)
+    path = PushPlanner(task).path(found, None)
     assert_free(task, path)
     assert_can_be_pushed(path)
     with pytest.raises(AssertionError):
@@ -106,12 +106,12 @@ def test_other_sides_are_preferred_at_random_and_the_same_seed_gives_the_same():
 def test_what_has_no_flat_sides_or_no_room_or_no_table_has_no_way():
     disc = replace(CRATE, shapes=(Shape(ShapeKind.CYLINDER, (0.05, 0.08)),))
     task = problem(at(0, 0), at(0.2, 0.0), body=disc)
-    assert pushed_path(task, straight(task), None) is None
+    assert PushPlanner(task).path(straight(task), None) is None
     walls = [box(f"w{s}", (0.6, 0.02, 0.1), (0.1, s * 0.076, 0.1)) for s in (-1, 1)]
     turned = problem(at(0, 0), at(0.2, 0.0, 90), *walls)
-    assert pushed_path(turned, straight(turned), None) is None
+    assert PushPlanner(turned).path(straight(turned), None) is None
     flying = ObjectPathProblem(CRATE, pose((0, 0, 0.3)), pose((0.2, 0, 0.3)), (TABLE,))
-    assert pushed_path(flying, straight(flying), None) is None
+    assert PushPlanner(flying).path(straight(flying), None) is None
 
 
 def test_ways_in_end_at_the_goal_and_come_from_all_sides():

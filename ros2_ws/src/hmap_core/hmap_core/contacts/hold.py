@@ -7,12 +7,11 @@ Each pad resists a turn about the closing axis like a disc of radius r under the
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hmap_core.contacts.access import on_face
 from hmap_core.contacts.solids import solids
 from hmap_core.komo.shapes import body_set
-from hmap_core.transforms import IDENTITY, rotation_matrix
+from hmap_core.transforms import IDENTITY, rotation_matrices, rotation_matrix
 from hmap_core.types import Body, ContactKind, ContactPoint, Gripper, HeldBody
 from hmap_core.waypoints.support import centre_of_mass
 
@@ -54,7 +53,7 @@ def pushing_share(held: HeldBody, gripper: Gripper, body: Body, contacts: Sequen
 def _closing(contacts: Sequence[ContactPoint]) -> tuple[np.ndarray, np.ndarray]:
     """Where (K, 3) the hands are, and their closing axes (K, 3), in the object's frame."""
     frames = np.array([c.T_obj_ee for c in contacts])
-    return frames[:, :3], Rotation.from_quat(frames[:, 3:]).as_matrix()[:, :, 1]
+    return frames[:, :3], rotation_matrices(frames)[:, :, 1]
 
 
 def pad_balance(body: Body, contacts: Sequence[ContactPoint], gripper: Gripper) -> np.ndarray:

@@ -106,19 +106,6 @@ def sides(body: Body, slide: Slide) -> list[Side]:
     ]
 
 
-def pushed_path(problem: ObjectPathProblem, poses: np.ndarray, rng: np.random.Generator | None) -> np.ndarray | None:
-    """Poses (K, 7) of a free path that can be pushed leg by leg, near the free planar path ``poses`` (M, 7).
-
-    Args:
-        problem: as that of the path; its friction is that of the body.
-        rng: prefers some sides at random, so that each call finds another way; None: the shortest.
-
-    Returns:
-        None where the path rises, the body does not stand on its support, has no flat sides, or no way was found.
-    """
-    return PushPlanner(problem).path(poses, rng)
-
-
 def ways_in(body: Body, T: np.ndarray, steps: int) -> list[np.ndarray]:
     """Poses (steps, 7) of the last centimetres of straight pushes to pose T (7,), one for each side of a body."""
     slide = Slide(body, T)
@@ -132,7 +119,7 @@ def ways_in(body: Body, T: np.ndarray, steps: int) -> list[np.ndarray]:
 
 
 class PushPlanner:
-    """Ways of one object made of pushes; see :func:`pushed_path`."""
+    """Ways of one object made of pushes, from the start of a problem to its goal."""
 
     def __init__(self, problem: ObjectPathProblem):
         self.problem = replace(problem, motion="planar", removable=frozenset())
@@ -145,7 +132,15 @@ class PushPlanner:
         self._legs_left = MAX_LEGS
 
     def path(self, poses: np.ndarray, rng: np.random.Generator | None) -> np.ndarray | None:
-        """See :func:`pushed_path`."""
+        """Poses (K, 7) of a free path that can be pushed leg by leg, near the free planar path ``poses`` (M, 7).
+
+        Args:
+            poses: from the problem's start to its goal.
+            rng: prefers some sides at random, so that each call finds another way; None: the shortest.
+
+        Returns:
+            None where the path rises, the body does not stand on its support, has no flat sides, or no way was found.
+        """
         if len(self.sides) < 3 or self.checker.support is None or np.ptp(poses[:, 2]) > LEVEL:
             return None
         self._legs_left = MAX_LEGS

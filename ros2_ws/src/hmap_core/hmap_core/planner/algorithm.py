@@ -10,7 +10,7 @@ import numpy as np
 from hmap_core.contacts.camera import Cloud
 from hmap_core.contacts.grippable import grippable
 from hmap_core.contacts.hand import hand_of
-from hmap_core.contacts.push_path import pushed_path, ways_in
+from hmap_core.contacts.push_path import PushPlanner, ways_in
 from hmap_core.exceptions import Code, ContactError, HmapError, InputError, MotionError, PlannerError
 from hmap_core.plan_file import to_dict
 from hmap_core.planner.assembly import assemble, scene_at
@@ -215,14 +215,15 @@ class Planner:
         hands = [hand_of(robot) for robot in self.scene.robots.values()]
         if self.scene.mode == TaskMode.KINEMATIC or attempt % 2 or grippable(body, poses[0], hands):
             return poses
-        pushed = self._pushes(state, object, poses, attempt)
+        pushed = self._pushes(state, object, poses).path(poses, self.rng if attempt else None)
         return poses if pushed is None else pushed
 
-    def _pushes(self, state: SceneState, object: str, poses: np.ndarray, variant: int) -> np.ndarray | None:
-        """The path made of pushes, of which variant 0 is the shortest; None where there are none."""
+    def _pushes(self, state: SceneState, object: str, poses: np.ndarray) -> PushPlanner:
+        """Finds paths made of pushes from the first of the poses to the last."""
         around = placed_bodies(self.scene, state, object)
-        problem = ObjectPathProblem(self.scene.bodies[object], poses[0], poses[-1], around, margin=PHYSICAL_MARGIN)
-        return pushed_path(problem, poses, self.rng if variant else None)
+        return PushPlanner(
+            ObjectPathProblem(self.scene.bodies[object], poses[0], poses[-1], around, margin=PHYSICAL_MARGIN)
+        )
 
     def _on_the_support(self, errand: Errand, course: Course, poses: np.ndarray, attempt: int):
         """The path (M, 7) in other ways: with its head on the support, or made of pushes where it all lies there.
@@ -236,9 +237,9 @@ class Planner:
         slid = slid_first(ObjectPathProblem(self.scene.bodies[object], poses[0], poses[-1], around), poses)
         if slid is not None:
             yield slid
-        known = [poses]
+        known, pushes = [poses], self._pushes(state, object, poses)
         for variant in range(attempt, attempt + PUSHED_PATHS):
-            pushed = self._pushes(state, object, poses, variant)
+            pushed = pushes.path(poses, self.rng if variant else None)
             if pushed is not None and not any(np.array_equal(pushed, other) for other in known):
                 known.append(pushed)
                 yield pushed

@@ -102,8 +102,7 @@ def solve_segment(
         MotionError: NO_MOTION, with the constraint that stays violated and where.
     """
     deadline = time.monotonic() + time_limit
-    pieces, cleared = _make_room(scene, state, contact, object, rng, deadline)
-    pieces += _rise_to_open(scene, cleared, contact, object)
+    pieces, cleared = _made_ready(scene, state, contact, object, rng, deadline)
     pieces += _carry(scene, cleared, object, contact, object_poses, rng, deadline)
     return _assembled(scene, state, pieces)
 
@@ -117,8 +116,7 @@ def take(
         MotionError: NO_MOTION.
     """
     deadline = time.monotonic() + time_limit
-    pieces, cleared = _make_room(scene, state, contact, body, rng, deadline)
-    pieces += _rise_to_open(scene, cleared, contact, body)
+    pieces, cleared = _made_ready(scene, state, contact, body, rng, deadline)
     pieces.append(_Segment(scene, cleared, body, contact, state.poses[body][None]).come(rng, deadline))
     there, opening = pieces[-1].q[-1], pieces[-1].opening[-1]
     cleared.q[contact.robot], cleared.gripper[contact.robot] = there, opening
@@ -136,8 +134,7 @@ def come(
         MotionError: NO_MOTION.
     """
     deadline = time.monotonic() + time_limit
-    pieces, cleared = _make_room(scene, state, contact, object, rng, deadline)
-    pieces += _rise_to_open(scene, cleared, contact, object)
+    pieces, cleared = _made_ready(scene, state, contact, object, rng, deadline)
     pieces.append(_Segment(scene, cleared, object, contact, state.poses[object][None]).come(rng, deadline, exact=True))
     return _assembled(scene, state, pieces)
 
@@ -179,6 +176,12 @@ def scene_holding(scene: Scene, robot: str, body: str, contact: ContactPoint, T_
     bodies = {name: other for name, other in scene.bodies.items() if name != body}
     removable = {name: T for name, T in scene.removable.items() if name != body}
     return replace(scene, robots=robots, bodies=bodies, removable=removable)
+
+
+def _made_ready(scene: Scene, state: SceneState, contact: RobotContact, object: str, rng, deadline: float):
+    """What comes before a robot goes to a contact: the others go home, and it rises to where its gripper may open."""
+    pieces, cleared = _make_room(scene, state, contact, object, rng, deadline)
+    return [*pieces, *_rise_to_open(scene, cleared, contact, object)], cleared
 
 
 def _make_room(scene, state, contact: RobotContact, object: str, rng, deadline) -> tuple[list[_Piece], SceneState]:
