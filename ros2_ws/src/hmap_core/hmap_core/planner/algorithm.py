@@ -1,7 +1,7 @@
 """Algorithm 1: waypoints, contacts, motions, and what happens when one of them fails."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 
@@ -15,21 +15,31 @@ from hmap_core.exceptions import Code, ContactError, HmapError, InputError, Moti
 from hmap_core.plan_file import to_dict
 from hmap_core.planner.assembly import assemble, scene_at
 from hmap_core.planner.clearing import Clearing, Course, Errand, RemovalError, may_go
-from hmap_core.planner.filters import Considerate, Reminded, Whole
-from hmap_core.planner.interfaces import Backend, Grip, Progress, ProgressCallback, RobotContact, SegmentMotion
+from hmap_core.planner.filters import Considerate, InHand, Reminded, Whole
+from hmap_core.planner.held_path import held_paths
+from hmap_core.planner.interfaces import (
+    Backend,
+    Grip,
+    HeldPath,
+    Progress,
+    ProgressCallback,
+    RobotContact,
+    SegmentMotion,
+)
 from hmap_core.planner.local import PHYSICAL_MARGIN, LocalBackend, placed_bodies
 from hmap_core.planner.motion import standing_collision
 from hmap_core.planner.obstruction import CONTACT_ROOM, Unhindered, in_motions, met, without
 from hmap_core.planner.sweep import motion_sweeps, object_sweep
 from hmap_core.planner.tools import holding, in_hand, put_back, tools_of
 from hmap_core.transforms import inverse, multiply, quaternion_multiply
-from hmap_core.types import BodyKind, Goal, Plan, Scene, SceneState, SegmentKind, TaskMode
+from hmap_core.types import BodyKind, ContactPoint, Goal, Plan, Scene, SceneState, SegmentKind, TaskMode
 from hmap_core.validation import check
 from hmap_core.waypoints import NoObjectPath, ObjectPath, ObjectPathProblem, slid_first
 
 J_MAX = 40  # contacts tried at one waypoint before new waypoints are asked for (the paper's j_max)
 WAYPOINT_ROUNDS = 6  # object paths tried
 BLOCKED_ROUNDS = 2  # of these, in which an obstacle could not be put out of the way
+HANDS_TRIED = 3  # of a robot, with which a path is sought
 REMOVAL_ROUNDS = 2  # of an obstacle: sliding where it can, and lifted
 WAYPOINT_TIME = 10.0  # s for one of them
 PLACE_TIME = 2.0  # s for the path of an obstacle to one of several places
@@ -166,24 +176,59 @@ class Planner:
         self._report("waypoints", text=f"path of '{object}' {errand.reason}")
         poses, blockers = self._way(errand, course, attempt)
         self.counts["waypoint_plans"] += 1
-        known = None
-        if blockers:
-            errand.raise_if_alone(blockers[0])
-            _, known = self._unhindered(errand, course, poses, blockers)
-            if known is None:
-                return self._stuck(errand, poses)
-            course = self._put_down(course)
-            if course is None:
-                return self._stuck(errand, poses)
-            blockers = met(self.scene, course.state, object, poses, blockers)
-            course = self.clearing.clear(errand, course, known.more_than(blockers), known.ways)
-        found = self._segments(errand, course, poses, known)
-        if found is None:
-            for other in self._on_the_support(errand, course, poses, attempt):
-                found = self._segments(errand, course, other)
-                if found is not None:
-                    break
+        ready = self._cleared(errand, course, poses, blockers)
+        found = ready and self._segments(errand, ready[0], poses, ready[1])
+        found = found or self._with_a_hand(errand, course, attempt)
+        for other in self._on_the_support(errand, ready[0], poses, attempt) if ready and found is None else ():
+            found = self._segments(errand, ready[0], other)
+            if found is not None:
+                break
         return self._stuck(errand, poses) if found is None else found
+
+    def _cleared(self, errand: Errand, course: Course, poses: np.ndarray, blockers: tuple[str, ...]):
+        """The course once bodies on a path are out of the way, and what is known of contacts there; None: no use.
+
+        Raises RemovalError.
+        """
+        if not blockers:
+            return course, None
+        errand.raise_if_alone(blockers[0])
+        _, known = self._unhindered(errand, course, poses, blockers)
+        if known is None:
+            return None
+        course = self._put_down(course)
+        if course is None:
+            return None
+        blockers = met(self.scene, course.state, errand.goal.object, poses, blockers)
+        return self.clearing.clear(errand, course, known.more_than(blockers), known.ways), known
+
+    def _with_a_hand(self, errand: Errand, course: Course, attempt: int) -> tuple[Course, np.ndarray] | None:
+        """What :meth:`_attempt` makes of paths that are sought for the object and a hand that holds it."""
+        for held in self._held_ways(errand, course, attempt):
+            self.counts["waypoint_plans"] += 1
+            own = replace(errand, held=held)
+            try:
+                ready = self._cleared(own, course, held.poses, held.blockers)
+            except RemovalError as error:
+                self._failed(error)
+                continue
+            found = ready and self._segments(own, ready[0], held.poses, ready[1])
+            if found is not None:
+                return found
+        return None
+
+    def _held_ways(self, errand: Errand, course: Course, attempt: int) -> Iterator[HeldPath]:
+        """Such paths, of one robot after the other."""
+        object, state = errand.goal.object, put_back(course.state, course.grip)
+        goal, scene = self._goal_of(errand, state, attempt), self._path_scene(errand, course, attempt)
+        self._report("waypoints", text=f"path of '{object}' in a hand {errand.reason}")
+        for robot in nearest_first(scene, object, state, tuple(scene.robots)):
+            hands = [(robot, contact) for contact in self._hands(scene, state, goal, robot)]
+            yield from held_paths(self.backend, scene, state, goal, hands, self.rng, self._time_left())
+
+    def _hands(self, scene: Scene, state: SceneState, goal: Goal, robot: str) -> list[ContactPoint]:
+        bare = without(scene, scene.removable)
+        return self.backend.contacts_at_both_ends(bare, state, goal.object, goal.pose, robot, HANDS_TRIED, self._seed())
 
     def _stuck(self, errand: Errand, poses: np.ndarray) -> None:
         """Looks why the task's object got stuck: raises ContactError when its goal is out of reach."""
@@ -193,9 +238,7 @@ class Planner:
     def _way(self, errand: Errand, course: Course, attempt: int) -> tuple[np.ndarray, tuple[str, ...]]:
         """Poses of the object on a path to its goal, and the removable bodies that are in its way."""
         state = put_back(course.state, course.grip)
-        goal = unturned(errand.goal, state.poses[errand.goal.object])
-        if attempt > 0 and self.scene.mode != TaskMode.KINEMATIC:  # which directions can be pushed turns along
-            goal = turned(goal, self.rng.uniform(-1.0, 1.0))
+        goal = self._goal_of(errand, state, attempt)
         scene = self._path_scene(errand, course, attempt)
         limit = WAYPOINT_TIME if errand.depth == 0 else PLACE_TIME
         try:
@@ -208,6 +251,13 @@ class Planner:
         if path is None:
             path = self._path(without(scene, blockers), state, goal, limit)
         return path.poses, blockers
+
+    def _goal_of(self, errand: Errand, state: SceneState, attempt: int) -> Goal:
+        """The goal of an errand, turned where its tolerance allows it."""
+        goal = unturned(errand.goal, state.poses[errand.goal.object])
+        if attempt > 0 and self.scene.mode != TaskMode.KINEMATIC:  # which directions can be pushed turns along
+            goal = turned(goal, self.rng.uniform(-1.0, 1.0))
+        return goal
 
     def _pushable(self, state: SceneState, object: str, poses: np.ndarray, attempt: int) -> np.ndarray:
         """The path by pushes, where no hand can grip the object; every second attempt as it is."""
@@ -315,7 +365,8 @@ class Planner:
         return None, None
 
     def _backend_for(self, errand: Errand) -> Backend:
-        return Whole(self.backend) if errand.whole else self.backend
+        backend = self.backend if errand.held is None else InHand(self.backend, errand.held)
+        return Whole(backend) if errand.whole else backend
 
     def _step_of(self, scene: Scene, backend: Backend, object: str, course: Course, ahead: np.ndarray, progress):
         """:meth:`_step` in another scene or with another backend; ``progress`` is (waypoint, of how many)."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from hmap_core.exceptions import Code, HmapError, PlannerError
 from hmap_core.planner.assembly import state_after
-from hmap_core.planner.interfaces import Grip, SegmentMotion
+from hmap_core.planner.interfaces import Grip, HeldPath, SegmentMotion
 from hmap_core.planner.obstruction import carried_by
 from hmap_core.planner.removal import given_place, removal_places
 from hmap_core.planner.sweep import Sweep
@@ -34,6 +34,7 @@ class Errand:
         depth: how many instances are above it.
         alone: it fails where something else would have to go first.
         whole: one contact has to carry its object all the way.
+        held: the path that it goes along, where that was sought for a hand.
         reason: for people: why.
     """
 
@@ -43,6 +44,7 @@ class Errand:
     depth: int = 0
     alone: bool = False
     whole: bool = False
+    held: HeldPath | None = None
     reason: str = "to its goal"
 
     def raise_if_alone(self, blocker: str) -> None:

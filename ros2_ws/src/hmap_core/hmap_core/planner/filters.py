@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from hmap_core.exceptions import Code, ContactError
-from hmap_core.planner.interfaces import Backend, Grip, RobotContact
+from hmap_core.planner.interfaces import Backend, Grip, HeldPath, RobotContact
 from hmap_core.planner.local import away_from_home
 from hmap_core.planner.obstruction import HAND_MARGIN, Unhindered
 from hmap_core.planner.sweep import nearest, placed, robot_sweeps
@@ -20,6 +20,7 @@ class Filter:
         self._backend = backend
         self.plan_waypoints, self.solve_segment = backend.plan_waypoints, backend.solve_segment
         self.grips, self.take, self.put_down = backend.grips, backend.take, backend.put_down
+        self.contacts_at_both_ends = backend.contacts_at_both_ends
 
 
 class Whole(Filter):
@@ -95,3 +96,28 @@ class Reminded(Filter):
         if known is None or not np.array_equal(state.poses[known.tool], known.T_place):
             return self._backend.grips(scene, state, object, poses, *request)
         return [(known, len(poses) - 1)]
+
+
+class InHand(Filter):
+    """A backend that hands out the contact of a held path only, once for each path that it serves to the end."""
+
+    def __init__(self, backend: Backend, held: HeldPath):
+        super().__init__(backend)
+        self.grips = self._no_grips
+        self._held = held
+        self._handed_out: set[bytes] = set()
+
+    def propose_contacts(self, scene: Scene, state: SceneState, object: str, poses: np.ndarray, *request):
+        """As :meth:`hmap_core.planner.interfaces.Backend.propose_contacts`."""
+        held, key, found = self._held, poses.tobytes(), []
+        if key not in self._handed_out:
+            self._handed_out.add(key)
+            rng = np.random.default_rng(0)
+            found = self._backend.check_contacts(scene, state, object, poses, held.robot, [held.contact], rng)
+        found = [contact for contact in found if contact.reach == len(poses) - 1]
+        if not found:
+            raise ContactError(f"the hand of '{held.robot}' does not carry '{object}' all the way", Code.NO_CONTACT)
+        return found
+
+    def _no_grips(self, *request) -> list:
+        return []

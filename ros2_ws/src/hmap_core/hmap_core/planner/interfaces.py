@@ -29,6 +29,24 @@ class RobotContact:
 
 
 @dataclass(frozen=True)
+class HeldPath:
+    """A path of an object, and a hand that goes with it past what stands around.
+
+    Attributes:
+        object: its name.
+        poses: (M, 7) of the object.
+        robot, contact: the hand.
+        blockers: removable bodies without which the path is free.
+    """
+
+    object: str
+    poses: np.ndarray
+    robot: str
+    contact: ContactPoint
+    blockers: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Grip:
     """A hold on a tool that stands.
 
@@ -112,6 +130,12 @@ class Backend(Protocol):
         contacts: Sequence[ContactPoint], rng: np.random.Generator,
     ) -> list[RobotContact]:  # fmt: skip
         """The feasible ones of a robot's contacts, with how far along object_poses (M, 7) they serve."""
+        ...
+
+    def contacts_at_both_ends(
+        self, scene: Scene, state: SceneState, object: str, T_goal: np.ndarray, robot: str, count: int, seed: int
+    ) -> list[ContactPoint]:
+        """At most ``count`` contacts that can be made where the object stands, and left with it at T_goal (7,)."""
         ...
 
     def solve_segment(

@@ -25,7 +25,7 @@ from hmap_core.planner.interfaces import Grip, RobotContact, SegmentMotion
 from hmap_core.planner.lifting import lifted
 from hmap_core.planner.tools import holding, spread, tools_of, within_reach
 from hmap_core.transforms import rotation_matrix
-from hmap_core.types import Body, ContactPoint, Goal, Scene, SceneState, TaskMode
+from hmap_core.types import Body, ContactKind, ContactPoint, Goal, Scene, SceneState, TaskMode
 from hmap_core.waypoints import DEFAULT_MARGIN, ObjectPath, ObjectPathProblem, plan_waypoints, standing
 
 SURFACE_POINTS = 600  # samples of the object's surface when looking at it
@@ -39,6 +39,7 @@ LIFTED = 0.001  # m that a path has to rise for the object to be lifted
 PAD_BALANCE = 0.5  # of a finger's pad on an object: the narrower side of its middle to the wider
 PHYSICAL_MARGIN = 0.01  # m round an object's path, where there is room: what is pushed strays
 TURNING_SHARE = 0.7  # of the friction against turning in the hand that weight or pushing may use
+BOTH_ENDS_TRIED = 12  # contacts for which an arm is asked at the start and at the goal
 HOLDS_TRIED = 16  # holds on a tool for which an arm is asked
 HOLDS = 8  # of them that are kept, per robot
 HOLDS_FIRST = 3  # of these, that are asked how far they could serve; the others only where the tool and robot are among
@@ -153,6 +154,40 @@ class LocalBackend:
             RobotContact(robot, contacts[f.index], len(f.keyframes) - 1, f.keyframes, away)
             for f in feasible_contacts(manipulation, contacts, object_poses, release, rng, least, self.enough)
         ]
+
+    def contacts_at_both_ends(
+        self,
+        scene: Scene,
+        state: SceneState,
+        object: str,
+        T_goal: np.ndarray,
+        robot: str,
+        count: int,
+        seed: int,
+    ) -> list[ContactPoint]:
+        """At most ``count`` contacts that a robot can make where the object stands, and leave with it at T_goal (7,).
+
+        Whether the hand gets from one to the other is not asked. They are spread over the object; none pushes it.
+        """
+        rng = np.random.default_rng(seed)
+        ends = np.array([state.poses[object], T_goal])
+        manipulation, _ = self._cleared(scene, state, object, robot)
+        release = self._release(scene, state, object, ends)
+        for batch in self._sampled(scene, state, object, ends, robot, None, rng):
+            carrying = [contact for contact in batch if contact.kind is not ContactKind.PUSH]
+            carrying = self._gripped(scene, object, robot, carrying, ends[0])
+            if not carrying:
+                continue
+            order, _ = promising(manipulation, carrying, ends, release, 1)
+            chosen = [carrying[k] for k in order]
+            chosen = [chosen[k] for k in spread(chosen, BOTH_ENDS_TRIED)]
+            for T in ends:
+                if chosen:
+                    ok, _ = reachable(manipulation, chosen, T, rng)
+                    chosen = [contact for contact, good in zip(chosen, ok, strict=True) if good]
+            if chosen:
+                return chosen[:count]
+        return []
 
     def promising_contacts(
         self,

@@ -1,0 +1,61 @@
+"""Paths of an object that a hand can follow: sought for the object and the hand that holds it, as one rigid body.
+
+H-MaP plans the path of the object alone, and then finds hands that follow it. Where the way is narrow for the hand, and
+not for the object, none may be found however often that is repeated. So some of the repetitions begin at the other end:
+with a contact that can be made at the start and left at the goal, whose hand goes with the object through the same
+search (Algorithm 2).
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hmap_core.exceptions import InputError
+from hmap_core.kinematics.arm import load_arm
+from hmap_core.planner.interfaces import Backend, HeldPath
+from hmap_core.transforms import apply, from_matrix, inverse, multiply, pose
+from hmap_core.types import Body, ContactPoint, Goal, Robot, Scene, SceneState, Shape, ShapeKind
+from hmap_core.waypoints import NoObjectPath
+
+TIME = 0.5  # s for one of them
+
+
+def with_hand(body: Body, robot: Robot, contact: ContactPoint) -> Body:
+    """A body and what hangs on the last joint of the robot in contact with it, as one: every link a box round it."""
+    arm = load_arm(robot.model)
+    to_ee = inverse(from_matrix(arm.T_tip_ee))
+    shapes = []
+    for hull in arm.hulls:
+        if hull.frame == arm.n:
+            points = apply(to_ee, hull.at(contact.opening))
+            lower, upper = points.min(axis=0) - hull.radius, points.max(axis=0) + hull.radius
+            T = multiply(contact.T_obj_ee, pose(0.5 * (lower + upper)))
+            shapes.append(Shape(ShapeKind.BOX, tuple(upper - lower), T))
+    return replace(body, shapes=(*body.shapes, *shapes))
+
+
+def held_paths(
+    backend: Backend,
+    scene: Scene,
+    state: SceneState,
+    goal: Goal,
+    hands: Sequence[tuple[str, ContactPoint]],
+    rng: np.random.Generator,
+    time_limit: float,
+) -> Iterator[HeldPath]:
+    """Paths of the goal's object to it with each of some hands (robot, contact) in turn, where there is one."""
+    motion = "spatial" if scene.motion == "auto" else scene.motion  # what is held can be lifted
+    object, body = goal.object, scene.bodies[goal.object]
+    for robot, contact in hands:
+        joined = with_hand(body, scene.robots[robot], contact)
+        around = replace(scene, motion=motion, bodies=scene.bodies | {object: joined})
+        seed, limit = int(rng.integers(2**31 - 1)), min(TIME, time_limit)
+        try:
+            poses = backend.plan_waypoints(around, state, object, goal, seed, limit).poses
+            yield HeldPath(object, poses, robot, contact)
+        except NoObjectPath as error:
+            if error.free_without and error.path_without is not None:
+                yield HeldPath(object, error.path_without.poses, robot, contact, error.free_without)
+        except InputError:
+            continue  # a box round a link is larger than the link
