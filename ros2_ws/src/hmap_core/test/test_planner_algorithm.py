@@ -22,9 +22,12 @@ class Script:
 
     def __init__(self, reach=4, contacts=3, fail=lambda k: False, no_contact=False, works=lambda: None):
         self.reach, self.contacts, self.fail, self.no_contact, self.works = reach, contacts, fail, no_contact, works
+        self.hands: list[ContactPoint] = []  # that are good at both ends
         self.calls: list[str] = []
         self.poses: list[np.ndarray] = []
         self.seeds: list[int] = []
+
+    grips = take = put_down = None  # there are no tools
 
     def plan_waypoints(self, scene, state, object, goal, seed, time_limit):
         self.calls.append("waypoints")
@@ -41,6 +44,14 @@ class Script:
         contact = ContactPoint(ContactKind.GRASP, pose(), np.zeros(3), np.zeros(3), 0.05, np.array([0, 0, 1.0]))
         reach = min(self.reach, len(object_poses) - 1)
         return [RobotContact("arm", contact, reach, np.zeros((reach + 1, 7)))] * min(self.contacts, count)
+
+    def contacts_at_both_ends(self, scene, state, object, T_goal, robot, count, seed):
+        return self.hands
+
+    def check_contacts(self, scene, state, object, object_poses, robot, contacts, rng):
+        self.calls.append("hand")
+        reach = len(object_poses) - 1
+        return [RobotContact(robot, contact, reach, np.zeros((reach + 1, 7))) for contact in contacts]
 
     def solve_segment(self, scene, state, object, contact, object_poses, seed, time_limit):
         self.calls.append("motion")
@@ -92,6 +103,17 @@ def test_the_inner_loop_tries_the_next_contact_and_stops_at_j_max(scene):
     error = failure(Planner(scene, backend=script))
     assert error.code == Code.NO_MOTION and f"try {WAYPOINT_ROUNDS * J_MAX} fails" in error.reason
     assert script.calls.count("motion") == WAYPOINT_ROUNDS * J_MAX
+
+
+def test_where_no_hand_follows_the_path_one_is_sought_for_a_hand(scene):
+    script = Script(contacts=1, fail=lambda k: k <= J_MAX)
+    contact = ContactPoint(ContactKind.GRASP, pose((0, 0, 0.1)), np.zeros(3), np.zeros(3), 0.05, np.array([0, 0, 1.0]))
+    script.hands = [contact]
+    seen = []
+    failure(Planner(scene, backend=script, progress=seen.append))
+    assert script.calls[: 2 + 2 * J_MAX] == ["waypoints", *["contacts", "motion"] * J_MAX, "waypoints"]
+    assert script.calls[2 + 2 * J_MAX : 4 + 2 * J_MAX] == ["hand", "motion"]
+    assert any("in a hand" in p.text for p in seen)
 
 
 def test_without_contacts_the_reach_of_the_goal_is_asked(scene):

@@ -92,3 +92,9 @@ def test_a_goal_inside_of_something_is_not_searched_for(bench):
     air = Air(bench.manipulation, bench.collisions, bench.cols, bench.over, inside, TRANSIT)
     assert bench.overlap(np.array([inside, inside])) > 0.0
     assert list(air.ways(np.random.default_rng(0), time.monotonic() + 60.0, narrow=True)) == []
+
+
+def test_a_way_to_where_one_is_stays_there(bench):
+    air = Air(bench.manipulation, bench.collisions, bench.cols, bench.over, bench.over, TRANSIT)
+    ways = list(air.ways(np.random.default_rng(0), time.monotonic() + 60.0, narrow=True))
+    assert ways and all(np.array_equal(way, np.tile(bench.over, (len(way), 1))) for way in ways)

@@ -9,10 +9,9 @@ from replan_fixtures import FAR, brick_plan, on_the_way_to_the_contact, with_bod
 from hmap_core import planner, transforms
 from hmap_core.exceptions import HmapError
 from hmap_core.plan_file import to_dict
-from hmap_core.planner import LocalBackend
 from hmap_core.planner.conflicts import first_conflict
 from hmap_core.planner.interruption import contacts, held_pose, release, state_at
-from hmap_core.planner.repair import Repair, plan_anew, planned_errands, quick_backend, rehearse
+from hmap_core.planner.repair import Repair, plan_anew, planned_errands, rehearse
 from hmap_core.simulation.dynamic import sphere
 from hmap_core.validation import check
 
@@ -26,7 +25,7 @@ def plan(tmp_path_factory):
 
 def mended(plan, scene, state, at=0.0):
     """The new plan, which the judge accepts as a whole, and what was kept."""
-    repair = Repair(planner.Planner(scene, state, seed=3, backend=quick_backend()), plan, at)
+    repair = Repair(planner.Planner(scene, state, seed=3), plan, at)
     new = repair.plan()
     report = check(to_dict(new))
     assert report.valid, report.violations
@@ -105,7 +104,7 @@ def test_where_nothing_of_the_plan_is_left_algorithm_1_plans(plan):
     state, end = state_at(plan, 0), float(plan.trajectory.time[-1])
     with pytest.raises(HmapError, match="nothing of the old plan is left"):
         mended(plan, plan.scene, state, end)
-    new, kept = plan_anew(plan, end, plan.scene, state, 1, LocalBackend())
+    new, kept = plan_anew(plan, end, plan.scene, state, 1)
     assert kept == {} and check(to_dict(new)).valid
 
 

@@ -236,7 +236,6 @@ class Supervisor(HmapNode):
         state = follower.told(self._observer.settled(self._state_patience))
         now, changed = self._observer.scene(), self._observer.changed()
         scene = replace(now, goal=scene.goal)
-        backend = RosBackend(self._caller(job))
         job.plans += 1
         began, cpu = time.monotonic(), time.thread_time()
         seed = int(job.goal.seed) + job.plans - 1
@@ -247,9 +246,10 @@ class Supervisor(HmapNode):
             "clouds": self._observer.clouds(),
         }
         if old is None:
+            backend = RosBackend(self._caller(job))
             plan, kept = planner.plan(scene, state=state, seed=seed, backend=backend, **options), {}
-        else:  # mended in this process, as every moment counts
-            plan, kept = plan_anew(*old, scene, state, seed, backend, **options)
+        else:  # in this process, as every moment counts
+            plan, kept = plan_anew(*old, scene, state, seed, **options)
         if self._canceled(job):
             raise PlannerError("canceled", Code.CANCELED)
         ended = time.monotonic()
@@ -260,7 +260,7 @@ class Supervisor(HmapNode):
                     "planning_s": stats["planning_time_s"],
                     "planning_cpu_s": plan.stats.get("planning_cpu_s"),
                     "with_judge_s": ended - began,
-                    "with_judge_cpu_s": time.thread_time() - cpu if kept else None,
+                    "with_judge_cpu_s": time.thread_time() - cpu,
                     "after_seen_s": ended - changed,
                     "kept": kept,
                 }

@@ -6,7 +6,7 @@ with a contact that can be made at the start and left at the goal, whose hand go
 search (Algorithm 2).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -40,7 +40,7 @@ def held_paths(
     scene: Scene,
     state: SceneState,
     goal: Goal,
-    hands: Sequence[tuple[str, ContactPoint]],
+    hands: Iterable[tuple[str, ContactPoint]],
     rng: np.random.Generator,
     time_limit: float,
 ) -> Iterator[HeldPath]:

@@ -10,7 +10,7 @@ import numpy as np
 from hmap_core.contacts.access import accessible
 from hmap_core.contacts.camera import Cloud, visible_points
 from hmap_core.contacts.candidates import Situation
-from hmap_core.contacts.feasibility import feasible_contacts, promising, reach_bounds, reachable
+from hmap_core.contacts.feasibility import CHUNK, feasible_contacts, promising, reach_bounds, reachable
 from hmap_core.contacts.hand import hand_of
 from hmap_core.contacts.hold import pad_balance, pushing_share, turning_share
 from hmap_core.contacts.proposer import NoProposer, Proposer
@@ -39,7 +39,7 @@ LIFTED = 0.001  # m that a path has to rise for the object to be lifted
 PAD_BALANCE = 0.5  # of a finger's pad on an object: the narrower side of its middle to the wider
 PHYSICAL_MARGIN = 0.01  # m round an object's path, where there is room: what is pushed strays
 TURNING_SHARE = 0.7  # of the friction against turning in the hand that weight or pushing may use
-BOTH_ENDS_TRIED = 12  # contacts for which an arm is asked at the start and at the goal
+BOTH_ENDS_TRIED = 48  # contacts for which an arm is asked at the start and at the goal
 HOLDS_TRIED = 16  # holds on a tool for which an arm is asked
 HOLDS = 8  # of them that are kept, per robot
 HOLDS_FIRST = 3  # of these, that are asked how far they could serve; the others only where the tool and robot are among
@@ -179,14 +179,15 @@ class LocalBackend:
             if not carrying:
                 continue
             order, _ = promising(manipulation, carrying, ends, release, 1)
-            chosen = [carrying[k] for k in order]
-            chosen = [chosen[k] for k in spread(chosen, BOTH_ENDS_TRIED)]
-            for T in ends:
-                if chosen:
-                    ok, _ = reachable(manipulation, chosen, T, rng)
-                    chosen = [contact for contact, good in zip(chosen, ok, strict=True) if good]
-            if chosen:
-                return chosen[:count]
+            candidates = [carrying[k] for k in order]
+            candidates = [candidates[k] for k in spread(candidates, BOTH_ENDS_TRIED)]
+            found: list[ContactPoint] = []
+            for first in range(0, len(candidates), CHUNK):
+                found += _reachable_everywhere(manipulation, candidates[first : first + CHUNK], ends, rng)
+                if len(found) >= count:
+                    break
+            if found:
+                return found[:count]
         return []
 
     def promising_contacts(
@@ -363,6 +364,15 @@ class LocalBackend:
                 yield batch
                 if total >= MAX_CANDIDATES:
                     break
+
+
+def _reachable_everywhere(manipulation: Manipulation, contacts: list[ContactPoint], object_poses: np.ndarray, rng):
+    """Those of the contacts that the arm can come to with the object at each of object_poses (M, 7)."""
+    for T in object_poses:
+        if contacts:
+            ok, _ = reachable(manipulation, contacts, T, rng)
+            contacts = [contact for contact, good in zip(contacts, ok, strict=True) if good]
+    return contacts
 
 
 def worth(scene: Scene, contact: RobotContact) -> float:

@@ -24,11 +24,12 @@ from hmap_core.planner.algorithm import Planner, nearest_first
 from hmap_core.planner.assembly import assemble, scene_at, state_after
 from hmap_core.planner.clearing import Course, Errand, raise_if_final
 from hmap_core.planner.conflicts import first_conflict, unknown_bodies
-from hmap_core.planner.interfaces import Backend, RobotContact, SegmentMotion
+from hmap_core.planner.held_path import held_paths
+from hmap_core.planner.interfaces import RobotContact, SegmentMotion
 from hmap_core.planner.interruption import state_at
-from hmap_core.planner.local import LocalBackend, away_from_home
+from hmap_core.planner.local import away_from_home
 from hmap_core.planner.replan import KeptSegment, contact_of, kept_segments
-from hmap_core.types import Body, BodyKind, Goal, Plan, Scene, SceneState, Segment, Trajectory
+from hmap_core.types import Body, BodyKind, Goal, Plan, Scene, SceneState, Segment, SegmentKind, Trajectory
 from hmap_core.validation import check
 
 POSITION_STEP, ROTATION_STEP = 0.01, float(np.deg2rad(3.0))  # m, rad between kept poses of an object
@@ -210,7 +211,7 @@ class Repair:
             slides stays at the height where it is.
         """
         kept = errand.alone
-        if kept is None or kept.segment.manipulator in self._plan.scene.bodies:
+        if kept is None or self._by_tool(kept):
             return None
         name = kept.segment.object
         rows = self._plan.trajectory.objects[name]
@@ -229,6 +230,9 @@ class Repair:
         """In one contact all the way, along the old path of the object or another one."""
         name, goal = self._goal(errand)
         old = self._old_path(errand, state)
+        found = None if old is not None else self._in_a_hand(errand, state, name, goal)
+        if found is not None:
+            return found
         others = (path for motion in self._motions() for path in self._other_path(state, name, goal, motion))
         for poses in others if old is None else chain([old[1]], others):
             known = None if old is not None and poses is old[1] else errand.alone  # that has been tried
@@ -238,6 +242,33 @@ class Repair:
                     self.kept["paths"] += 1
                     return [_Part(found, (found,))]
         return None
+
+    def _in_a_hand(self, errand: PlannedErrand, state: SceneState, name: str, goal: Goal) -> "list[_Part] | None":
+        """In one contact, along a path that is sought for the object and the hand: the old contact's, or others."""
+        hands, backend = self._hands(errand, state, name, goal), self._planner.backend
+        for held in held_paths(backend, self._scene, state, goal, hands, self._rng(), self._time_left()):
+            if held.blockers:
+                continue
+            request = self._scene, state, name, held.poses, held.robot, [held.contact], self._rng()
+            for contact in backend.check_contacts(*request):
+                found = self._solved(state, name, contact, held.poses) if contact.reach == len(held.poses) - 1 else None
+                if found is not None:
+                    self.kept["paths"] += 1
+                    return [_Part(found, (found,))]
+        return None
+
+    def _hands(self, errand: PlannedErrand, state: SceneState, name: str, goal: Goal):
+        """Robots and their contacts in which they might hold an object all the way: first the old one."""
+        kept, backend = errand.alone, self._planner.backend
+        if kept is not None and kept.segment.kind is not SegmentKind.PUSH and not self._by_tool(kept):
+            yield kept.segment.robot, contact_of(self._plan, kept)
+        for robot in nearest_first(self._scene, name, state, tuple(self._scene.robots)):
+            request = self._scene, state, name, goal.pose, robot, CONTACTS, self._seed()
+            for contact in backend.contacts_at_both_ends(*request):
+                yield robot, contact
+
+    def _by_tool(self, kept: KeptSegment) -> bool:
+        return kept.segment.manipulator in self._plan.scene.bodies
 
     def _motions(self) -> tuple[str, ...]:
         """How an object may move: where that is open, through the air first, where there is more room."""
@@ -257,7 +288,7 @@ class Repair:
     ) -> list[RobotContact]:
         """Contacts that carry an object along all of its poses (M, 7): the old one where it does, else others."""
         backend, last = self._planner.backend, len(poses) - 1
-        if kept is not None and kept.segment.manipulator not in self._plan.scene.bodies:
+        if kept is not None and not self._by_tool(kept):
             known = [contact_of(self._plan, kept)]
             request = self._scene, state, name, poses, kept.segment.robot, known, self._rng()
             found = backend.check_contacts(*request)
@@ -417,14 +448,7 @@ def _steps(rows: np.ndarray, first: int, last: int) -> np.ndarray:
 
 
 def plan_anew(
-    plan: Plan,
-    at: float,
-    scene: Scene,
-    state: SceneState,
-    seed: int,
-    backend: Backend,
-    mender: Backend | None = None,
-    **options,
+    plan: Plan, at: float, scene: Scene, state: SceneState, seed: int, **options
 ) -> tuple[Plan, dict[str, int]]:
     """A plan in place of one that is blocked: the old one mended, or where that cannot be, another by Algorithm 1.
 
@@ -432,9 +456,7 @@ def plan_anew(
         plan: the old plan.
         at: planned time (s) up to which it was followed.
         scene, state: as they are now.
-        backend: for Algorithm 1.
-        mender: for mending; None: one in this process.
-        options: of :class:`Planner`, but for the backend.
+        options: of :class:`Planner`.
 
     Returns:
         The plan, and what was kept of the old one, as :attr:`Repair.kept`; nothing where it was not mended.
@@ -443,20 +465,14 @@ def plan_anew(
         HmapError: as :meth:`Planner.plan`.
     """
     began = time.monotonic()
-    mender = mender or quick_backend()
-    repair = Repair(Planner(scene, state, seed, backend=mender, **options), plan, at)
+    repair = Repair(Planner(scene, state, seed, **options), plan, at)
     try:
         return repair.plan(), repair.kept
     except HmapError as error:
         raise_if_final(error)
-    new = Planner(scene, state, seed, backend=backend, **options)
+    new = Planner(scene, state, seed, **options)
     new.began = began
     return new.plan(), {}
-
-
-def quick_backend() -> LocalBackend:
-    """A backend that is content with the first contacts that serve."""
-    return LocalBackend(enough=CONTACTS)
 
 
 def rehearse(plan: Plan, time_limit: float) -> None:
@@ -466,7 +482,7 @@ def rehearse(plan: Plan, time_limit: float) -> None:
         return
     errand = errands[-1]
     state = state_at(plan, errand.first)
-    planner = Planner(plan.scene, state, backend=quick_backend(), time_limit=time_limit)
+    planner = Planner(plan.scene, state, time_limit=time_limit)
     repair = Repair(planner, plan, float(plan.trajectory.time[errand.first]))
     for way in (repair.with_new_way, repair.with_its_contact, repair.in_one_contact):
         try:

@@ -30,6 +30,7 @@ DETOUR = 1.5
 INTERVAL_LOOKS, HAND_LOOKS = 3, 3  # what an interval, and a posture from inverse kinematics, cost in looks
 SHORTCUTS = 200
 POINTS = 100  # of the path that is found, about
+SHORTEST = 1e-9  # rad; a path that is shorter is none
 SMOOTHINGS = 60  # times that its points move towards the middle of their neighbours
 
 
@@ -198,7 +199,7 @@ def _length(path: np.ndarray) -> float:
 def _smoothed(free: _Free, path: np.ndarray) -> np.ndarray:
     """The path with about POINTS points, its corners among them, moved between their neighbours where that is free."""
     length = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    counts = np.maximum(1, np.ceil(POINTS * length / length.sum())).astype(int)
+    counts = np.maximum(1, np.ceil(POINTS * length / max(length.sum(), SHORTEST))).astype(int)
     pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(path, path[1:], counts, strict=False)]
     path = np.concatenate([*pieces, path[-1:]])
     for _ in range(SMOOTHINGS):

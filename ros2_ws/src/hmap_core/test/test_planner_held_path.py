@@ -1,0 +1,117 @@
+"""Paths sought for an object and the hand that holds it: past a bar under which the object fits, but not the hand."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from planner_fixtures import carry
+
+from hmap_core.exceptions import Code, ContactError
+from hmap_core.komo.shapes import body_set
+from hmap_core.planner import LocalBackend
+from hmap_core.planner.conflicts import object_clearances
+from hmap_core.planner.filters import InHand
+from hmap_core.planner.held_path import held_paths, with_hand
+from hmap_core.planner.interfaces import HeldPath
+from hmap_core.transforms import pose
+from hmap_core.types import Body, BodyKind, ContactKind, Shape, ShapeKind
+from hmap_core.waypoints import NoObjectPath
+
+UNDER_BAR = 0.2  # m, height of the bar's lower side
+
+
+def box(name: str, size, position, kind=BodyKind.FIXED) -> Body:
+    return Body(name, kind, (Shape(ShapeKind.BOX, size),), pose(position))
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    """A brick to be carried over a low wall, and a bar over that: between them is room for the brick."""
+    scene = carry(tmp_path_factory.mktemp("bar"), motion="spatial")
+    bar = box("bar", (0.3, 0.03, 0.03), (0.5, 0.0, UNDER_BAR + 0.015))
+    return replace(scene, bodies=scene.bodies | {"bar": bar})
+
+
+@pytest.fixture(scope="module")
+def hands(scene):
+    found = LocalBackend().contacts_at_both_ends(
+        scene, scene.start_state(), "brick", scene.goal.pose, "arm", count=3, seed=0
+    )
+    return [("arm", contact) for contact in found]
+
+
+def paths(scene, hands, **changes):
+    scene = replace(scene, **changes)
+    rng = np.random.default_rng(0)
+    return list(held_paths(LocalBackend(), scene, scene.start_state(), scene.goal, hands, rng, 10.0))
+
+
+def test_the_hand_goes_with_the_object_past_what_stands_around(scene, hands):
+    alone = LocalBackend().plan_waypoints(scene, scene.start_state(), "brick", scene.goal, 0, 10.0).poses
+    found = paths(scene, hands)
+    assert found and alone[:, 2].max() < UNDER_BAR
+    for held in found:
+        np.testing.assert_allclose(held.poses[[0, -1]], alone[[0, -1]], atol=1e-9)
+        joined = body_set(with_hand(scene.bodies["brick"], scene.robots["arm"], held.contact))
+        for name in ("bar", "wall", "table"):
+            assert object_clearances(joined, held.poses, scene.bodies[name]).min() > -1e-3
+        assert object_clearances(joined, alone, scene.bodies["bar"]).min() < -0.01
+
+
+def handed_out(scene, held, poses):
+    return InHand(LocalBackend(), held).propose_contacts(scene, scene.start_state(), "brick", poses)
+
+
+def test_an_arm_follows_one_of_them_to_the_end(scene, hands):
+    reached = []
+    for held in paths(scene, hands):
+        try:
+            reached += [contact.reach - len(held.poses) + 1 for contact in handed_out(scene, held, held.poses)]
+        except ContactError:
+            continue
+    assert reached and not any(reached)
+
+
+def test_a_contact_that_does_not_serve_to_the_end_is_not_handed_out(scene, hands):
+    held = paths(scene, hands)[0]
+    far = np.concatenate([held.poses, held.poses[-1:] + np.array([[3.0, 0, 0, 0, 0, 0, 0]])])
+    with pytest.raises(ContactError, match="does not carry 'brick' all the way") as error:
+        handed_out(scene, held, far)
+    assert error.value.code == Code.NO_CONTACT
+
+
+def test_a_contact_is_handed_out_once_for_a_path(scene, hands):
+    contact = hands[0][1]
+    backend = SimpleNamespace(
+        check_contacts=lambda *_: [SimpleNamespace(reach=1)],
+        **dict.fromkeys(("plan_waypoints", "solve_segment", "grips", "take", "put_down", "contacts_at_both_ends")),
+    )
+    poses = np.tile(pose(), (2, 1))
+    in_hand = InHand(backend, HeldPath("brick", poses, "arm", contact))
+    assert in_hand.propose_contacts(scene, scene.start_state(), "brick", poses)
+    with pytest.raises(ContactError):
+        in_hand.propose_contacts(scene, scene.start_state(), "brick", poses)
+    assert in_hand.propose_contacts(scene, scene.start_state(), "brick", poses + 1e-3)
+    assert in_hand.grips() == []
+
+
+def test_contacts_at_both_ends_hold(scene, hands):
+    assert hands
+    assert all(contact.kind is ContactKind.GRASP for _, contact in hands)
+    away = pose((3.0, 0.0, 0.5))
+    assert LocalBackend().contacts_at_both_ends(scene, scene.start_state(), "brick", away, "arm", 3, 0) == []
+
+
+def test_what_could_be_put_aside_is_told_apart_from_what_stays(scene, hands):
+    free = np.tile(pose(), (2, 1))
+    answers = [("lid",), SimpleNamespace(poses=free)], [None, None], [("lid",), None]
+
+    def blocked(*request):
+        raise NoObjectPath("closed", ("lid",), *answers[next(calls)])
+
+    calls = iter(range(3))
+    backend, rng = SimpleNamespace(plan_waypoints=blocked), np.random.default_rng(0)
+    found = list(held_paths(backend, scene, scene.start_state(), scene.goal, hands[:1] * 3, rng, 10.0))
+    assert [held.blockers for held in found] == [("lid",)]
+    assert found[0].poses is free
