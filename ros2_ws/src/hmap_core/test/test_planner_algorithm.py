@@ -1,6 +1,7 @@
 """Algorithm 1 with a scripted backend: what is tried after what, when it gives up, and what it then says."""
 
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ from hmap_core.exceptions import Code, ContactError, HmapError, InputError, Moti
 from hmap_core.planner import J_MAX, Planner, RobotContact, SegmentMotion, plan
 from hmap_core.planner.algorithm import WAYPOINT_ROUNDS
 from hmap_core.planner.assembly import assemble, state_after
+from hmap_core.planner.clearing import Course, Errand
 from hmap_core.transforms import interpolate, pose
 from hmap_core.types import ContactKind, ContactPoint, Goal, Segment, SegmentKind, Trajectory
 
@@ -36,6 +38,7 @@ class Script:
         return SimpleNamespace(poses=poses)
 
     def propose_contacts(self, scene, state, object, object_poses, robots, cloud, count, seed, time_limit):
+        assert object in scene.bodies
         self.calls.append("contacts")
         self.poses.append(object_poses)
         if self.no_contact:
@@ -120,6 +123,13 @@ def test_without_contacts_the_reach_of_the_goal_is_asked(scene):
     error = failure(Planner(scene, backend=Script(no_contact=True)))
     assert (error.stage, error.code) == ("contacts", Code.OUT_OF_REACH)
     assert "brick" in error.reason and "arm" in error.reason
+
+
+def test_so_it_is_for_what_could_be_put_aside(scene):
+    planner = Planner(replace(scene, removable={"brick": None}), backend=Script(no_contact=True))
+    with pytest.raises(ContactError) as error:
+        planner.bring(Errand(scene.goal), Course(planner.start))
+    assert error.value.code == Code.OUT_OF_REACH
 
 
 def test_an_object_without_a_path_is_reported_as_it_is(scene):

@@ -556,7 +556,7 @@ class Planner:
     def _check_reach(self, goal: Goal, last_poses: np.ndarray) -> None:
         """Raises ContactError when no robot could bring the object along the last poses, whatever the way there."""
         there = put_back(self.start, self.grip).copy()
-        scene = without(self.scene, self.scene.removable)
+        scene = without(self.scene, self.scene.removable.keys() - {goal.object})
         for poses in self._ways_in(goal.object, last_poses):
             there.poses[goal.object] = poses[0]
             try:
