@@ -1,6 +1,7 @@
 """Algorithm 1: waypoints, contacts and motions put together into a plan."""
 
 from hmap_core.planner.algorithm import DEFAULT_TIME_LIMIT, J_MAX, Planner, plan
+from hmap_core.planner.free_motion import plan_motion
 from hmap_core.planner.interfaces import Backend, Progress, RobotContact, SegmentMotion
 from hmap_core.planner.local import LocalBackend
 
@@ -14,4 +15,5 @@ __all__ = [
     "RobotContact",
     "SegmentMotion",
     "plan",
+    "plan_motion",
 ]

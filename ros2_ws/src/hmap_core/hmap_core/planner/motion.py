@@ -19,6 +19,7 @@ from hmap_core.contacts.feasibility import APPROACH_STEPS, MAX_JUMP, draw_back, 
 from hmap_core.exceptions import Code, MotionError
 from hmap_core.execution.timing import spline, time_parameterise
 from hmap_core.kinematics.arm import load_arm
+from hmap_core.kinematics.chain import Chain
 from hmap_core.komo.allowances import relaxed, verification
 from hmap_core.komo.features import joint_position, pose_params_all, relative_pose
 from hmap_core.komo.ik import follow_ik
@@ -137,6 +138,18 @@ def come(
     pieces, cleared = _made_ready(scene, state, contact, object, rng, deadline)
     pieces.append(_Segment(scene, cleared, object, contact, state.poses[object][None]).come(rng, deadline, exact=True))
     return _assembled(scene, state, pieces)
+
+
+def go(
+    scene: Scene, state: SceneState, robot: str, q: np.ndarray, rng: np.random.Generator, time_limit: float
+) -> SegmentMotion:
+    """The motion of a robot to the posture q (n,), with its hand as it is.
+
+    Raises:
+        MotionError: NO_MOTION.
+    """
+    piece = _move(scene, state, robot, None, q, rng, time.monotonic() + time_limit)
+    return _assembled(scene, state, _in_hand(scene, piece))
 
 
 def put_down(
@@ -275,11 +288,15 @@ class _CutCorner(MotionError):
 
 
 def standing_collision(
-    scene: Scene, state: SceneState, robot: str, object: str
+    scene: Scene, state: SceneState, robot: str, object: str | None = None
 ) -> tuple[tuple[str, str], float] | None:
-    """What a robot stands in: the names of the two parts and how deep (m); None when it stands free."""
+    """What a robot stands in: the names of the two parts and how deep (m); None when it stands free.
+
+    Args:
+        object: that is to be handled; it is told apart from the bodies around.
+    """
     manipulation = Manipulation(scene, state, robot, object)
-    collisions = manipulation.standing_collisions(state.poses[object])
+    collisions = manipulation.standing_collisions(None if object is None else state.poses[object])
     cols = collisions.arrays()
     cols = cols._replace(margin=np.full_like(cols.margin, -STANDING_DEPTH))
     q = np.ascontiguousarray(state.q[robot])[None]
@@ -297,7 +314,7 @@ def _move(scene: Scene, state: SceneState, robot: str, object: str | None, q: np
     problem.add(Objective(joint_position(q), ObjectiveType.EQ, [steps - 1]))
     initial = start + np.linspace(0.0, 1.0, steps + 1)[1:, None] * (q - start)
     result = problem.solve(start, initial)
-    cols = relaxed(manipulation.model.chain, problem.arrays(), start, 1)
+    cols = _relaxed_at_ends(manipulation.model.chain, problem.arrays(), start, q)
     path = np.concatenate([start[None], result.path]) if result.feasible else None
     if path is not None and _violation(manipulation, verification(cols), spline(path), 1)[1] >= 0:
         path = None
@@ -309,6 +326,13 @@ def _move(scene: Scene, state: SceneState, robot: str, object: str | None, q: np
             raise MotionError(f"robot '{robot}' finds no way to move on: {result.worst}")
     timed = _timed_free(scene, robot, path)
     return _Piece(robot, timed, np.full(len(timed), state.gripper[robot]))
+
+
+def _relaxed_at_ends(chain: Chain, cols: Collisions, start: np.ndarray, goal: np.ndarray) -> Collisions:
+    """The pairs with the margins that start and goal (n,) have; at the goal nothing may overlap."""
+    at_start = relaxed(chain, cols, start, 1)
+    at_goal = relaxed(chain, at_start, goal, 1)
+    return at_goal._replace(margin=np.maximum(at_goal.margin, np.minimum(at_start.margin, 0.0)))
 
 
 def _free_as_spline(manipulation, cols, ways: Iterator[np.ndarray]) -> np.ndarray | None:

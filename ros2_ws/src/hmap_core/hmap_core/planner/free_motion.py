@@ -1,0 +1,115 @@
+"""A motion of one robot through the air, to a posture or to a pose of its end-effector, without any object."""
+
+import time
+from itertools import cycle
+
+import numpy as np
+
+from hmap_core.exceptions import Code, InputError, MotionError
+from hmap_core.komo.features import pose_params
+from hmap_core.komo.ik import solve_ik_batch
+from hmap_core.komo.manipulation import Manipulation, Phase
+from hmap_core.planner import motion
+from hmap_core.planner.interfaces import SegmentMotion
+from hmap_core.types import Scene, SceneState
+
+DEFAULT_TIME_LIMIT = 10.0  # s
+IK_STARTS = 64  # random postures, beside the present one and home, from which inverse kinematics begins
+POSTURES = 8  # solutions of it that are tried as goals, the nearest first
+SAME_POSTURE = 0.05  # rad; solutions that differ by less are one
+ROUNDING = 1e-4  # rad beyond a joint limit that is put down to rounding
+UNIT = 1e-4  # what the norm of a quaternion may be off 1
+
+
+def plan_motion(
+    scene: Scene,
+    robot: str,
+    *,
+    q: np.ndarray | None = None,
+    T_world_ee: np.ndarray | None = None,
+    state: SceneState | None = None,
+    seed: int = 0,
+    time_limit: float = DEFAULT_TIME_LIMIT,
+) -> SegmentMotion:
+    """Plans how a robot moves past all bodies and robots of a scene, which stand, with its gripper as it is.
+
+    KOMO from the straight motion of the joints; where that does not work, searches by two trees
+    (:mod:`hmap_core.planner.transit`) until the time is up. The motion is free between its steps, too,
+    and within the robot's limits.
+
+    Args:
+        q: (n,) posture in which it has to end, rad; or
+        T_world_ee: (7,) pose at which its end-effector frame has to end. One of both is needed.
+        state: where everything is now; None: where the scene starts.
+        seed: the only source of randomness.
+        time_limit: seconds of wall-clock time; a goal to which there is no way takes all of it.
+
+    Raises:
+        InputError: the robot is unknown, a value has the wrong shape or is beyond the joint limits, or the robot
+            stands in something at the start (START_IN_COLLISION) or at the goal (GOAL_IN_COLLISION).
+        MotionError: no posture reaches the pose (OUT_OF_REACH), or no way was found (NO_MOTION).
+    """
+    deadline = time.monotonic() + time_limit
+    rng = np.random.default_rng(seed)
+    if robot not in scene.robots:
+        raise InputError(f"robot '{robot}' is unknown; the scene has {', '.join(scene.robots)}", Code.UNKNOWN_ROBOT)
+    if (q is None) == (T_world_ee is None):
+        raise InputError("give one goal: q or T_world_ee")
+    state = scene.start_state() if state is None else state
+    _check_posture(scene, state, robot, state.q[robot], "start", Code.START_IN_COLLISION)
+    if q is None:
+        goals = _postures(scene, state, robot, _checked_pose(T_world_ee), rng)
+    else:
+        goals = [_check_posture(scene, state, robot, np.array(q, float), "goal", Code.GOAL_IN_COLLISION)]
+    for goal in cycle(goals):
+        try:
+            return motion.go(scene, state, robot, goal, rng, deadline - time.monotonic())
+        except MotionError:
+            if time.monotonic() > deadline:
+                raise
+
+
+def _check_posture(scene: Scene, state: SceneState, robot: str, q: np.ndarray, what: str, code: Code) -> np.ndarray:
+    """The posture q (n,), within the limits to the last digit. Raises InputError where a robot cannot stand in it."""
+    model = scene.robots[robot].model
+    if q.shape != model.home.shape or not np.isfinite(q).all():
+        raise InputError(f"{what} q of '{robot}' is {q.tolist()}; needed: {len(model.home)} finite joint positions")
+    for joint, value, low, high in zip(model.joint_names, q, *model.position_limits, strict=True):
+        if not low - ROUNDING <= value <= high + ROUNDING:
+            raise InputError(f"{what} of '{robot}' has {joint} at {value:.4f}; allowed: {low:.4f} to {high:.4f}")
+    there = state.copy()
+    there.q[robot] = np.clip(q, *model.position_limits)
+    hit = motion.standing_collision(scene, there, robot)
+    if hit is not None:
+        raise InputError(f"'{robot}' is {hit[1] * 1e3:.1f} mm inside at its {what}: {' and '.join(hit[0])}", code)
+    return there.q[robot]
+
+
+def _checked_pose(T: np.ndarray) -> np.ndarray:
+    T = np.array(T, float)
+    if T.shape != (7,) or not np.isfinite(T).all() or abs(np.linalg.norm(T[3:]) - 1.0) > UNIT:
+        raise InputError(f"T_world_ee is {T.tolist()}; needed: x, y, z and a unit quaternion xyzw", Code.INVALID_POSE)
+    return T
+
+
+def _postures(scene: Scene, state: SceneState, robot: str, T_world_ee: np.ndarray, rng) -> list[np.ndarray]:
+    """Free postures (n,) with the end-effector at a pose (7,), the nearest to the present one first.
+
+    Raises:
+        MotionError: OUT_OF_REACH; there is none.
+    """
+    manipulation = Manipulation(scene, state, robot, None)
+    problem = manipulation.ik_problem(manipulation.standing_collisions(), Phase.TRANSIT)
+    chain, now = manipulation.model.chain, state.q[robot]
+    random = rng.uniform(chain.lower, chain.upper, (IK_STARTS, len(now)))
+    starts = np.concatenate([[now, scene.robots[robot].model.home], random])
+    params = np.tile(pose_params(manipulation.T_tip_ee, T_world_ee), (len(starts), 1))
+    found, feasible = solve_ik_batch(problem, params, starts, starts)
+    kept: list[np.ndarray] = []
+    for posture in sorted(found[feasible], key=lambda posture: float(np.abs(posture - now).max())):
+        if all(np.abs(posture - other).max() > SAME_POSTURE for other in kept):
+            kept.append(posture)
+    if not kept:
+        place = ", ".join(f"{value:.3f}" for value in T_world_ee[:3])
+        raise MotionError(f"'{robot}' reaches no free posture with its end-effector at ({place})", Code.OUT_OF_REACH)
+    return kept[:POSTURES]

@@ -1,0 +1,127 @@
+"""Motions of a robot past what stands, without any object; the judge looks at each of them."""
+
+import numpy as np
+import pytest
+from simulation_fixtures import HOME, box, scene
+
+from hmap_core.exceptions import Code, InputError, MotionError
+from hmap_core.kinematics.arm import load_arm
+from hmap_core.plan_file import to_dict
+from hmap_core.planner import motion, plan_motion
+from hmap_core.planner.assembly import assemble
+from hmap_core.transforms import distance, multiply, pose
+from hmap_core.types import BodyKind, Goal
+from hmap_core.validation import check
+
+DOWN = (1.0, 0.0, 0.0, 0.0)
+LEFT, RIGHT = pose((0.45, 0.35, 0.25), DOWN), pose((0.45, -0.35, 0.25), DOWN)
+BLOCK = pose((0.6, 0.0, 0.05))
+
+
+@pytest.fixture(scope="module")
+def walled():
+    """An arm, and a wall in the plane in which it stands; a block that is to stay where it is."""
+    wall = box("wall", (0.5, 0.02, 0.45), (0.6, 0.12, 0.225), BodyKind.FIXED)
+    block = box("block", (0.05, 0.05, 0.1), BLOCK[:3])
+    return scene(wall, block, goal=Goal("block", BLOCK))
+
+
+def judged(scene, made):
+    report = check(to_dict(assemble(scene, scene.start_state(), [made], np.zeros((0, 7)), {})))
+    assert report.valid, report.violations[:3]
+
+
+def tip(scene, q):
+    return multiply(scene.robots["left"].base_pose, load_arm(scene.robots["left"].model).end_effector(q))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("T", [LEFT, RIGHT], ids=["past the wall", "beside it"])
+def test_the_end_effector_comes_to_a_pose(walled, T, seed):
+    made = plan_motion(walled, "left", T_world_ee=T, seed=seed)
+    q = made.trajectory.joints["left"]
+    np.testing.assert_allclose(q[0], HOME)
+    moved, turned = distance(T, tip(walled, q[-1]))
+    assert moved < 1e-3 and turned < 5e-3
+    judged(walled, made)
+
+
+def test_the_robot_comes_to_a_posture_within_its_limits(walled):
+    goal = plan_motion(walled, "left", T_world_ee=LEFT, seed=1).trajectory.joints["left"][-1]
+    made = plan_motion(walled, "left", q=goal, seed=2)
+    q, dt = made.trajectory.joints["left"], made.trajectory.time[1]
+    np.testing.assert_allclose(q[-1], goal, atol=1e-4)
+    assert (np.abs(np.diff(q, axis=0)) / dt <= walled.robots["left"].model.velocity_limits).all()
+    judged(walled, made)
+
+
+def test_the_same_seed_gives_the_same_motion(walled):
+    first, second = (plan_motion(walled, "left", T_world_ee=LEFT, seed=4).trajectory.joints["left"] for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_a_goal_nearer_to_something_than_is_kept_on_the_way_is_reached():
+    """The fingertips end 1 mm over the block."""
+    above = box("block", (0.05, 0.05, 0.1), BLOCK[:3])
+    open_air = scene(above, goal=Goal("block", BLOCK))
+    lowest = load_arm(open_air.robots["left"].model).finger_vertices(0.08)[:, 2].max()
+    near = plan_motion(scene(), "left", T_world_ee=pose((0.6, 0.0, 0.101 + lowest), DOWN)).trajectory
+    made = plan_motion(open_air, "left", q=near.joints["left"][-1])
+    judged(open_air, made)
+
+
+def test_limits_that_were_rounded_count_as_limits(walled):
+    model = walled.robots["left"].model
+    q = HOME.copy()
+    q[4] = model.position_limits[1, 4] + 5e-8
+    made = plan_motion(walled, "left", q=q)
+    assert made.trajectory.joints["left"][-1][4] <= model.position_limits[1, 4]
+
+
+def inside_the_wall(walled):
+    free = scene()
+    return plan_motion(free, "left", T_world_ee=pose((0.5, 0.12, 0.3), DOWN)).trajectory.joints["left"][-1]
+
+
+@pytest.mark.parametrize(
+    ("goal", "code", "words"),
+    [
+        ({}, Code.INVALID_INPUT, "give one goal"),
+        ({"q": HOME, "T_world_ee": LEFT}, Code.INVALID_INPUT, "give one goal"),
+        ({"q": HOME[:6]}, Code.INVALID_INPUT, "7 finite joint positions"),
+        ({"q": HOME + 4.0}, Code.INVALID_INPUT, "panda_joint1 at 4.0000; allowed: -2.8"),
+        ({"T_world_ee": 2.0 * LEFT}, Code.INVALID_POSE, "unit quaternion"),
+        ({"q": inside_the_wall}, Code.GOAL_IN_COLLISION, "wall"),
+    ],
+)
+def test_what_cannot_be_a_goal_is_refused(walled, goal, code, words):
+    goal = {key: value(walled) if callable(value) else value for key, value in goal.items()}
+    with pytest.raises(InputError, match=words) as error:
+        plan_motion(walled, "left", **goal)
+    assert error.value.code == code
+
+
+def test_an_unknown_robot_is_named(walled):
+    with pytest.raises(InputError, match="robot 'right' is unknown; the scene has left"):
+        plan_motion(walled, "right", q=HOME)
+
+
+def test_a_pose_beyond_the_arm_is_out_of_reach(walled):
+    with pytest.raises(MotionError, match=r"\(2.000, 0.000, 0.300\)") as error:
+        plan_motion(walled, "left", T_world_ee=pose((2.0, 0.0, 0.3), DOWN))
+    assert error.value.code == Code.OUT_OF_REACH
+
+
+def test_where_no_way_is_found_the_search_goes_on_until_the_time_is_up(walled, monkeypatch):
+    tries = []
+
+    def fails(*request):
+        tries.append(request)
+        raise MotionError("no way")
+
+    monkeypatch.setattr(motion, "go", fails)
+    with pytest.raises(MotionError, match="no way") as error:
+        plan_motion(walled, "left", q=HOME, time_limit=0.05)
+    assert error.value.code == Code.NO_MOTION
+    assert len(tries) > 1
+    assert all(request[-1] <= 0.05 for request in tries)
