@@ -278,9 +278,10 @@ class Planner:
     def _on_the_support(self, errand: Errand, course: Course, poses: np.ndarray, attempt: int):
         """The path (M, 7) in other ways: with its head on the support, or made of pushes where it all lies there.
 
-        Pushes may bring the object to where a hand can grip it; and few paths can be pushed as they are found.
+        Pushes may bring the object to where a hand can grip it; and few paths can be pushed as they are found. One contact
+        alone cannot do that.
         """
-        if self.scene.mode == TaskMode.KINEMATIC:
+        if self.scene.mode == TaskMode.KINEMATIC or errand.whole:
             return
         object, state = errand.goal.object, put_back(course.state, course.grip)
         around = placed_bodies(self.scene, state, object)
