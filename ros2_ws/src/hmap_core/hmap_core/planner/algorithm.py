@@ -15,6 +15,7 @@ from hmap_core.exceptions import Code, ContactError, HmapError, InputError, Moti
 from hmap_core.plan_file import to_dict
 from hmap_core.planner.assembly import assemble, scene_at
 from hmap_core.planner.clearing import Clearing, Course, Errand, RemovalError, may_go
+from hmap_core.planner.diagnosis import why_no_contact
 from hmap_core.planner.filters import Considerate, InHand, Reminded, Whole
 from hmap_core.planner.held_path import held_paths
 from hmap_core.planner.interfaces import (
@@ -278,8 +279,8 @@ class Planner:
     def _on_the_support(self, errand: Errand, course: Course, poses: np.ndarray, attempt: int):
         """The path (M, 7) in other ways: with its head on the support, or made of pushes where it all lies there.
 
-        Pushes may bring the object to where a hand can grip it; and few paths can be pushed as they are found. One contact
-        alone cannot do that.
+        Pushes may bring the object to where a hand can grip it; and few paths can be pushed as they are found. Where one
+        contact has to do it all, there are none.
         """
         if self.scene.mode == TaskMode.KINEMATIC or errand.whole:
             return
@@ -573,7 +574,7 @@ class Planner:
         place = ", ".join(f"{v:.3f}" for v in goal.pose[:3])
         raise ContactError(
             f"the goal of '{goal.object}' at ({place}) is out of reach of {', '.join(self.scene.robots)}: "
-            "no contact can bring it there",
+            f"no contact can bring it there: {why_no_contact(scene, there, goal.object, goal.pose)}",
             Code.OUT_OF_REACH,
         ) from failure
 

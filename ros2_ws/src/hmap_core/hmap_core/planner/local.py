@@ -1,7 +1,7 @@
 """The three phases of H-MaP in this process."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
 
@@ -335,6 +335,12 @@ class LocalBackend:
         if key != self._stands[0]:
             self._stands = key, standing(body, poses, obstacles)
         return self._stands[1]
+
+    def candidates(
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, robot: str, rng
+    ) -> Iterator[list[ContactPoint]]:
+        """Batches of contacts on an object for the way along object_poses (M, 7), of which nothing was asked yet."""
+        return self._sampled(scene, state, object, object_poses, robot, None, rng)
 
     def _sampled(self, scene: Scene, state: SceneState, object: str, object_poses, robot: str, cloud, rng):
         """Batches of candidates from what the cameras see of the object, then from the rest of its surface."""
