@@ -279,8 +279,8 @@ class Planner:
     def _on_the_support(self, errand: Errand, course: Course, poses: np.ndarray, attempt: int):
         """The path (M, 7) in other ways: with its head on the support, or made of pushes where it all lies there.
 
-        Pushes may bring the object to where a hand can grip it; and few paths can be pushed as they are found. Where one
-        contact has to do it all, there are none.
+        Pushes may bring the object to where a hand can grip it; and few paths can be pushed as they are found. Where
+        one contact has to do it all, there are none.
         """
         if self.scene.mode == TaskMode.KINEMATIC or errand.whole:
             return

@@ -11,6 +11,7 @@ from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.manipulation import Manipulation, free_opening, retreated
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner.local import LocalBackend, placed_bodies
+from hmap_core.planner.obstruction import LIFT
 from hmap_core.transforms import apply, from_matrix, inverse, multiply
 from hmap_core.types import ContactPoint, Robot, Scene, SceneState
 from hmap_core.waypoints import standing
@@ -24,7 +25,7 @@ def why_no_contact(scene: Scene, state: SceneState, object: str, T: np.ndarray, 
     there.poses[object] = T
     around = placed_bodies(scene, there, object)
     reasons = [_of_robot(scene, there, object, robot, around, np.random.default_rng(seed)) for robot in scene.robots]
-    if not standing(scene.bodies[object], T[None], around)[0]:
+    if not standing(scene.bodies[object], np.array([T + LIFT, T]), around)[1]:
         reasons.insert(0, "it does not stand there by itself")
     return "; ".join(reasons)
 
@@ -45,7 +46,7 @@ def _of_robot(scene: Scene, state: SceneState, object: str, robot: str, around, 
     )
 
 
-_ARM = "free for the hand but not for the arm on its way there, through or back"
+_ARM = "free for the hand, but not for the arm on its way there and back"
 
 
 def _hit(robot: Robot, contact: ContactPoint, T: np.ndarray, around) -> str | None:
