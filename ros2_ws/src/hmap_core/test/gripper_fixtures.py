@@ -58,7 +58,9 @@ def arm_urdf() -> str:
         parts.append(
             link(name, mass, "".join(shape(f'<cylinder radius="{r}" length="{h}"/>', x, a) for x, a, r, h in shapes))
         )
-    for name, (parent, child), (xyz, rpy) in zip(ARM_JOINTS, zip(ARM, list(ARM)[1:], strict=False), ORIGINS, strict=True):
+    for name, (parent, child), (xyz, rpy) in zip(
+        ARM_JOINTS, zip(ARM, list(ARM)[1:], strict=False), ORIGINS, strict=True
+    ):
         parts.append(joint(name, "revolute", parent, child, xyz, rpy, "0 0 1", (-6.28, 6.28)))
     return "".join(parts) + joint("flange", "fixed", "link3", "hand")
 

@@ -197,15 +197,15 @@ class SimulatedRobot:
             return
         for joint, driver, factor, offset in self._followers:
             self._client.setJointMotorControl2(self.id, joint, pybullet.VELOCITY_CONTROL, force=0.0)
-            self._couple(self._fingers[driver], joint, factor, offset)
+            self._couple(self._fingers[driver], joint, factor, offset, s.linkage_erp)
         # without it the object pushes one finger open while the other closes
         start, slope = (np.broadcast_to(v, len(self._fingers)) for v in (gripper.at_zero, gripper.per_joint))
         for k in range(1, len(self._fingers)):
             factor = slope[k] / slope[0]
-            self._couple(self._fingers[0], self._fingers[k], factor, start[k] - factor * start[0])
+            self._couple(self._fingers[0], self._fingers[k], factor, start[k] - factor * start[0], s.finger_gear_erp)
 
-    def _couple(self, driver: int, joint: int, factor: float, offset: float) -> None:
-        """Keep a joint at ``factor`` (not 0) times another one, and ``offset``."""
+    def _couple(self, driver: int, joint: int, factor: float, offset: float, erp: float) -> None:
+        """Keep a joint at ``factor`` (not 0) times another one, and ``offset``; ``erp`` of what it is off per step."""
         gear = self._client.createConstraint(
             self.id, driver, self.id, joint, pybullet.JOINT_GEAR, [1, 0, 0], [0] * 3, [0] * 3
         )
@@ -213,7 +213,7 @@ class SimulatedRobot:
             gear,
             gearRatio=-1.0 / factor,
             relativePositionTarget=-offset / factor,
-            erp=self.settings.finger_gear_erp,
+            erp=erp,
             maxForce=self.settings.finger_gear_force,
         )
 
