@@ -75,7 +75,7 @@ class GripperGeometry:
             sides[lower + upper > 0.0].append((lower, upper))
         if not all(sides.values()):
             raise InputError(
-                "have no shape on one side of the end-effector frame's y = 0; y has to be the closing direction",
+                "have no shape on one side of the end-effector frame's y = 0, which has to be midway between them",
                 Code.INVALID_SCENE,
             )
         left, right = min(lower for lower, _ in sides[True]), max(upper for _, upper in sides[False])

@@ -1,5 +1,6 @@
 """Grippers of robot files: what they leave to be computed from the URDF, and what does not fit to it."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -33,6 +34,7 @@ def build_gripper(document: Document, entry: RobotFile, urdf: Path, root: Elemen
         InputError: INVALID_SCENE; joints would leave their limits, or the fingers do not open as the file says.
     """
     own = entry.gripper
+    _check_drivers(document, own, joint_tree(root))
     end_effector = entry.end_effector.link, entry.end_effector.pose.vector()
     geometry = GripperGeometry(root, urdf, end_effector, own.finger_links)
     given = {key: value for key, value in own.model_dump(exclude=set(KEYS)).items() if value is not None}
@@ -48,8 +50,20 @@ def build_gripper(document: Document, entry: RobotFile, urdf: Path, root: Elemen
             ("gripper", "max_opening"),
             f"must be above min_opening, {gripper.min_opening:g}, and at most open_opening, {gripper.open_opening:g}",
         )
-    _check_limits(document, own, gripper, geometry.tree)
     return gripper if own.speed is not None else _paced(document, gripper, joint_tree(root))
+
+
+def _check_drivers(document: Document, own: GripperEntry, tree: JointTree) -> None:
+    """No joint that is named follows one that is not, and none is named twice."""
+    for i, name in enumerate(own.joints):
+        try:
+            driver, _, _ = tree.driver(name)
+        except InputError as error:
+            raise document.error(("gripper", "joints", i), error.reason) from error
+        if driver not in own.joints:
+            raise document.error(("gripper", "joints", i), f"mimics {driver} in the URDF; name that one instead")
+        if name in own.joints[:i]:
+            raise document.error(("gripper", "joints", i), "is named twice")
 
 
 def _frozen(value: float | list[float]) -> float | tuple[float, ...]:
@@ -59,6 +73,8 @@ def _frozen(value: float | list[float]) -> float | tuple[float, ...]:
 def _sliding(document: Document, own: GripperEntry, geometry: GripperGeometry, given: dict) -> Gripper:
     """A gripper whose joints move in proportion to the opening."""
     gripper = Gripper(**{"tip_offset": 0.0} | given, per_joint=_frozen(own.per_joint))
+    for opening in (gripper.min_opening, gripper.open_opening):
+        _check_limits(document, own, "per_joint", gripper.joints(opening), geometry.tree)
     if own.tip_offset is not None:
         return gripper
     values = dict(zip(own.joints, gripper.joints(gripper.min_opening), strict=True))
@@ -70,45 +86,59 @@ def _turning(document: Document, own: GripperEntry, geometry: GripperGeometry, g
     """A gripper whose openings between closed and open are as the URDF's shapes say."""
     n = len(own.joints)
     closed, opened = (np.broadcast_to(np.array(value, float), n) for value in (own.closed, own.open))
+    for key, joints in (("closed", closed), ("open", opened)):
+        _check_limits(document, own, key, joints, geometry.tree)
 
     def places(travel: float) -> FingerPlaces:
         values = closed + travel * (opened - closed)
         return _places(document, geometry, dict(zip(own.joints, values, strict=True)))
 
-    ends = places(0.0).gap, places(1.0).gap
-    if not ends[1] > max(ends[0], 0.0):
-        problem = f"finger_links are {ends[1]:.4f} m apart here and {ends[0]:.4f} m at closed; they have to be farther"
-        raise document.error(("gripper", "open"), problem)
-    first = brentq(lambda travel: places(travel).gap, 0.0, 1.0) if ends[0] < 0.0 else 0.0
+    first = _meeting(document, places)
+    start = closed + first * (opened - closed)
     found = [places(travel) for travel in np.linspace(first, 1.0, TRAVELS)]
-    openings = np.array([place.gap for place in found])
-    openings[0] = max(openings[0], 0.0)
-    if np.any(np.diff(openings) <= 0.0):
-        at = closed + np.linspace(first, 1.0, TRAVELS)[int(np.diff(openings).argmin()) + 1] * (opened - closed)
-        raise document.error(("gripper", "open"), f"the gap has to grow all the way from closed; near {at} it does not")
+    _check_places(document, found)
+    openings = tuple(max(place.gap, 0.0) for place in found)
+    return Gripper(
+        per_joint=tuple((opened - start).tolist()),
+        at_zero=tuple(start.tolist()),
+        openings=openings,
+        tips=tuple(place.tip - found[0].tip for place in found),
+        **_with_defaults(document, given, openings, found[0].tip),
+    )
+
+
+def _meeting(document: Document, places: Callable[[float], FingerPlaces]) -> float:
+    """The travel, between 0 and 1, from which on the fingers do not overlap."""
+    closed, opened = places(0.0).gap, places(1.0).gap
+    if opened <= max(closed, 0.0):
+        problem = f"finger_links are {opened:.4f} m apart here and {closed:.4f} m at closed; they have to be farther"
+        raise document.error(("gripper", "open"), problem)
+    return brentq(lambda travel: places(travel).gap, 0.0, 1.0) if closed < 0.0 else 0.0
+
+
+def _check_places(document: Document, found: Sequence[FingerPlaces]) -> None:
+    """From closed to open, the gap grows and its middle stays in the end-effector frame."""
+    widening = np.diff([place.gap for place in found])
+    if widening.min() <= 0.0:
+        share = (int(widening.argmin()) + 0.5) / len(widening)
+        problem = f"the gap between finger_links has to grow all the way; {100 * share:.0f} % from closed it does not"
+        raise document.error(("gripper", "open"), problem)
     off = max((place.middle for place in found), key=abs)
     if abs(off) > MIDDLE_OFF:
         problem = f"the middle between finger_links is at y = {off:.4f} m in it; at most {MIDDLE_OFF} m are allowed"
         raise document.error(("end_effector", "pose"), problem)
-    start = closed + first * (opened - closed)
-    defaults = {
-        "min_opening": openings[0],
-        "max_opening": given.get("open_opening", openings[-1]) - JAW_CLEARANCE,
-        "open_opening": openings[-1],
-        "tip_offset": _ahead(document, found[0].tip) if own.tip_offset is None else own.tip_offset,
-    }
-    values = {key: float(value) for key, value in defaults.items()} | given
+
+
+def _with_defaults(document: Document, given: dict, openings: tuple[float, ...], tip: float) -> dict:
+    """What a robot file gives of a gripper, and what its fingers are by themselves where it does not."""
+    values = {"min_opening": openings[0], "open_opening": openings[-1]} | given
     for key in ("min_opening", "open_opening"):
         if not openings[0] - LIMIT_SLACK <= values[key] <= openings[-1] + LIMIT_SLACK:
             problem = f"must be between {openings[0]:.4f} and {openings[-1]:.4f}, as finger_links have it"
             raise document.error(("gripper", key), problem)
-    return Gripper(
-        per_joint=tuple((opened - start).tolist()),
-        at_zero=tuple(start.tolist()),
-        openings=tuple(openings.tolist()),
-        tips=tuple(place.tip - found[0].tip for place in found),
-        **values,
-    )
+    if "tip_offset" not in values:
+        values["tip_offset"] = _ahead(document, tip)
+    return {"max_opening": values["open_opening"] - JAW_CLEARANCE} | values
 
 
 def _places(document: Document, geometry: GripperGeometry, values: dict[str, float]) -> FingerPlaces:
@@ -125,16 +155,13 @@ def _ahead(document: Document, tip: float) -> float:
     return tip
 
 
-def _check_limits(document: Document, own: GripperEntry, gripper: Gripper, tree: JointTree) -> None:
-    """Joints are within the URDF's limits at all openings."""
-    key = "per_joint" if own.per_joint is not None else "closed"
-    for opening, where in ((gripper.min_opening, key), (gripper.open_opening, key.replace("closed", "open"))):
-        for name, value in zip(gripper.joint_names, gripper.joints(opening).tolist(), strict=True):
-            joint = tree.by_name[name]
-            if not joint.lower - LIMIT_SLACK <= value <= joint.upper + LIMIT_SLACK:
-                problem = f"puts {name} at {value:.4f} with the gripper open by {opening:.4f} m; "
-                problem += f"the URDF allows {joint.lower:g} to {joint.upper:g}"
-                raise document.error(("gripper", where), problem)
+def _check_limits(document: Document, own: GripperEntry, key: str, joints: np.ndarray, tree: JointTree) -> None:
+    """Joints (k,) are within the URDF's limits where ``key`` puts them."""
+    for name, value in zip(own.joints, joints.tolist(), strict=True):
+        joint = tree.by_name[name]
+        if not joint.lower - LIMIT_SLACK <= value <= joint.upper + LIMIT_SLACK:
+            problem = f"puts {name} at {value:.4f}; the URDF allows {joint.lower:g} to {joint.upper:g}"
+            raise document.error(("gripper", key), problem)
 
 
 def _paced(document: Document, gripper: Gripper, tree: JointTree) -> Gripper:

@@ -12,6 +12,7 @@ from hmap_core.scenes.fields import (
     Name,
     NonNegative,
     Number,
+    OneOrEach,
     Positive,
     Quaternion,
     Rgba,
@@ -245,12 +246,6 @@ class TaskFile(Strict):
     unsolvable: bool = False
 
 
-def _one_or_each(value: Any) -> Any:
-    if isinstance(value, dict) or value is None:
-        raise PydanticCustomError("number", "must be a number, or a list with one for each of the joints")
-    return value
-
-
 class EndEffector(Strict):
     """A link and the end-effector frame in it: z along the approach, y along the closing direction."""
 
@@ -265,9 +260,6 @@ class Limits(Strict):
     upper: list[Number]
 
 
-OneOrEach = Annotated[Number | list[Number], BeforeValidator(_one_or_each)]
-
-
 class GripperEntry(Strict):
     """A gripper of two fingers; openings are gaps between the pads in metres.
 
@@ -276,10 +268,10 @@ class GripperEntry(Strict):
     """
 
     joints: Annotated[list[str], Field(min_length=1)]
-    per_joint: OneOrEach | None = None
-    at_zero: OneOrEach | None = None
-    closed: OneOrEach | None = None
-    open: OneOrEach | None = None
+    per_joint: OneOrEach = None
+    at_zero: OneOrEach = None
+    closed: OneOrEach = None
+    open: OneOrEach = None
     finger_links: Annotated[list[str], Field(min_length=1)]
     min_opening: NonNegative | None = None
     max_opening: Positive | None = None
