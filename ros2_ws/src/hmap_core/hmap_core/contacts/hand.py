@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from hmap_core.contacts.candidates import Hand
-from hmap_core.kinematics.arm import Arm, load_arm
+from hmap_core.kinematics.arm import LINK_TOLERANCE, Arm, load_arm
 from hmap_core.transforms import apply, from_matrix, inverse, multiply, pose
 from hmap_core.types import ContactKind, ContactPoint, Gripper, Robot
 
@@ -37,7 +37,7 @@ def _palm(arm: Arm) -> float:
         gripper = arm.model.gripper
         openings = np.linspace(gripper.min_opening, gripper.max_opening, OPENINGS)
         nearest = min(gripper.reach_at(opening) - _foremost(arm, opening) for opening in openings)
-        _PALMS[id(arm)] = arm, PALM_STEP * np.floor(nearest / PALM_STEP)
+        _PALMS[id(arm)] = arm, PALM_STEP * np.floor(np.round(nearest / PALM_STEP, 3))
     return _PALMS[id(arm)][1]
 
 
@@ -47,8 +47,8 @@ def _foremost(arm: Arm, opening: float) -> float:
     farthest = -np.inf
     for hull in arm.hulls:
         if hull.frame == arm.n and not hull.finger:
-            points = apply(T, hull.at(opening))
-            farthest = max(farthest, _highest_within(points, half + hull.radius) + hull.radius)
+            points, radius = apply(T, hull.at(opening)), max(hull.radius - LINK_TOLERANCE, 0.0)
+            farthest = max(farthest, _highest_within(points, half + radius) + radius)
     return farthest
 
 

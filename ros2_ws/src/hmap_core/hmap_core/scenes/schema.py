@@ -296,10 +296,10 @@ class GripperEntry(Strict):
                 problem = "has {n} numbers; joints has {joints}"
                 context = {"key": key, "n": len(value), "joints": len(self.joints)}
                 raise PydanticCustomError("gripper", problem, context)
-        if self.per_joint is not None and 0.0 in np.atleast_1d(self.per_joint):
-            raise PydanticCustomError(
-                "gripper", "must not be 0: every joint moves with the opening", {"key": "per_joint"}
-            )
+        if not turning and 0.0 in np.atleast_1d(self.per_joint):
+            raise PydanticCustomError("gripper", "must not be 0: every joint has to move", {"key": "per_joint"})
+        if turning and np.any(np.equal(self.closed, self.open)):
+            raise PydanticCustomError("gripper", "must differ from closed: every joint has to move", {"key": "open"})
         return self
 
 

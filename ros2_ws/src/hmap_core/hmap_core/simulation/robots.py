@@ -198,11 +198,12 @@ class SimulatedRobot:
         for joint, driver, factor, offset in self._followers:
             self._client.setJointMotorControl2(self.id, joint, pybullet.VELOCITY_CONTROL, force=0.0)
             self._couple(self._fingers[driver], joint, factor, offset, s.linkage_erp)
+        erp = s.linkage_erp if gripper.openings else s.finger_gear_erp
         # without it the object pushes one finger open while the other closes
         start, slope = (np.broadcast_to(v, len(self._fingers)) for v in (gripper.at_zero, gripper.per_joint))
         for k in range(1, len(self._fingers)):
             factor = slope[k] / slope[0]
-            self._couple(self._fingers[0], self._fingers[k], factor, start[k] - factor * start[0], s.finger_gear_erp)
+            self._couple(self._fingers[0], self._fingers[k], factor, start[k] - factor * start[0], erp)
 
     def _couple(self, driver: int, joint: int, factor: float, offset: float, erp: float) -> None:
         """Keep a joint at ``factor`` (not 0) times another one, and ``offset``; ``erp`` of what it is off per step."""
