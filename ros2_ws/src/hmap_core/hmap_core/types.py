@@ -1,7 +1,10 @@
 """The data that the parts of hmap pass to each other: SI units, world frame, poses as in transforms.py."""
 
+from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -102,29 +105,37 @@ class Gripper:
     tips: tuple[float, ...] = ()
     speed: float = GRIPPER_SPEED
 
-    def joints(self, opening: float) -> np.ndarray:
+    def joints(self, opening: float) -> tuple[float, ...]:
         """Where the driven joints (k,) are at an opening (m)."""
-        travel = np.interp(opening, self.openings, self._travels) if self.openings else opening
-        return np.broadcast_to(np.asarray(self.at_zero) + travel * np.asarray(self.per_joint), len(self.joint_names))
+        travel = float(np.interp(opening, self.openings, self._travels)) if self.openings else opening
+        return tuple(start + travel * slope for start, slope in self._each)
 
-    def opening_at(self, joints: np.ndarray) -> float:
+    def opening_at(self, joints: Sequence[float]) -> float:
         """The opening (m) with the driven joints at (k,)."""
-        travel = float(np.mean((np.asarray(joints) - self.at_zero) / self.per_joint))
-        return float(np.interp(travel, self._travels, self.openings)) if self.openings else travel
+        shares = [(joint - start) / slope for joint, (start, slope) in zip(joints, self._each, strict=True)]
+        travel = sum(shares) / len(shares)
+        return float(np.interp(travel, self._travels, self.openings)) if self.openings else float(travel)
 
-    def joints_per_opening(self, opening: float) -> np.ndarray:
+    def joints_per_opening(self, opening: float) -> tuple[float, ...]:
         """How much the driven joints (k,) move for each metre of opening, about an opening (m)."""
         travel = 1.0
         if self.openings:
-            step = int(np.clip(np.searchsorted(self.openings, opening), 1, len(self.openings) - 1))
-            travel = (self._travels[step] - self._travels[step - 1]) / (self.openings[step] - self.openings[step - 1])
-        return np.broadcast_to(travel * np.asarray(self.per_joint), len(self.joint_names))
+            step = min(max(bisect_left(self.openings, opening), 1), len(self.openings) - 1)
+            travel = float(self._travels[1]) / (self.openings[step] - self.openings[step - 1])
+        return tuple(travel * slope for _, slope in self._each)
 
     def reach_at(self, opening: float) -> float:
         """How much farther along the approach the fingers reach at an opening (m) than closed, m."""
         return float(np.interp(opening, self.openings, self.tips)) if self.tips else 0.0
 
-    @property
+    @cached_property
+    def _each(self) -> tuple[tuple[float, float], ...]:
+        """Of each joint: ``at_zero`` and ``per_joint``."""
+        k = len(self.joint_names)
+        starts, slopes = (np.broadcast_to(values, k).tolist() for values in (self.at_zero, self.per_joint))
+        return tuple(zip(starts, slopes, strict=True))
+
+    @cached_property
     def _travels(self) -> np.ndarray:
         return np.linspace(0.0, 1.0, len(self.openings))
 

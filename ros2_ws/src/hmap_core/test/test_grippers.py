@@ -81,7 +81,7 @@ def test_joints_and_openings_belong_to_each_other(models, kind):
     for opening in openings(models[kind]):
         assert gripper.opening_at(gripper.joints(opening)) == pytest.approx(opening, abs=1e-9)
         if gripper.min_opening < opening < gripper.open_opening:
-            slope = (gripper.joints(opening + step) - gripper.joints(opening - step)) / (2.0 * step)
+            slope = np.subtract(gripper.joints(opening + step), gripper.joints(opening - step)) / (2.0 * step)
             np.testing.assert_allclose(gripper.joints_per_opening(opening), slope, rtol=0.02)
 
 
@@ -120,7 +120,7 @@ class Bullet:
 
     def place(self, opening: float) -> None:
         for joint in self.following:
-            self.client.resetJointState(self.body, joint, float(self.model.gripper.joints(opening)[0]))
+            self.client.resetJointState(self.body, joint, self.model.gripper.joints(opening)[0])
 
     def pose(self, link: str) -> np.ndarray:
         state = self.client.getLinkState(self.body, self.link[link], computeForwardKinematics=True)

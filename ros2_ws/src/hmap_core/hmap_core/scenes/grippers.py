@@ -155,9 +155,9 @@ def _ahead(document: Document, tip: float) -> float:
     return tip
 
 
-def _check_limits(document: Document, own: GripperEntry, key: str, joints: np.ndarray, tree: JointTree) -> None:
-    """Joints (k,) are within the URDF's limits where ``key`` puts them."""
-    for name, value in zip(own.joints, joints.tolist(), strict=True):
+def _check_limits(document: Document, own: GripperEntry, key: str, joints: Sequence[float], tree: JointTree) -> None:
+    """The joints, at (k,), are within the URDF's limits where ``key`` puts them."""
+    for name, value in zip(own.joints, joints, strict=True):
         joint = tree.by_name[name]
         if not joint.lower - LIMIT_SLACK <= value <= joint.upper + LIMIT_SLACK:
             problem = f"puts {name} at {value:.4f}; the URDF allows {joint.lower:g} to {joint.upper:g}"

@@ -78,7 +78,7 @@ def _pad(urdf: Urdf, model: RobotModel, link: str) -> tuple[np.ndarray, np.ndarr
 
 def _in_end_effector(urdf: Urdf, model: RobotModel, link: str, opening: float) -> np.ndarray:
     """A link's frame (4, 4) in the end-effector's at an opening (m)."""
-    values = dict(zip(model.gripper.joint_names, model.gripper.joints(opening).tolist(), strict=True))
+    values = dict(zip(model.gripper.joint_names, model.gripper.joints(opening), strict=True))
     T_root_ee = urdf.tree.pose(model.end_effector_link, values) @ to_matrix(model.T_link_ee)
     return np.round(np.linalg.inv(T_root_ee) @ urdf.tree.pose(link, values), DIGITS)
 

@@ -56,7 +56,7 @@ class SimulatedRobot:
         self.finger_links = [self._link(name) for name in gripper.finger_links] if gripper else []
         self._arm_forces = self._forces()
         self._prepare_fingers()
-        self._gripper_command: tuple[float, ...] = ()
+        self._gripper_command: tuple = ()
         self.place(robot.q, gripper.open_opening if gripper else 0.0)
 
     def place(self, q: np.ndarray, opening: float) -> None:
@@ -98,8 +98,8 @@ class SimulatedRobot:
             raise InputError(f"robot '{self.robot.name}' has no gripper to open to {opening} m")
         if not (np.isfinite(opening) and np.isfinite(force)):
             raise InputError(f"robot '{self.robot.name}': gripper opening {opening} m, force {force} N: not finite")
-        rates = np.abs(self._slopes()).tolist()
-        command = (opening, force, *rates)
+        rates = tuple(map(abs, self._slopes()))
+        command = (opening, force, rates)
         if command == self._gripper_command:
             return  # the motors keep their targets
         self._gripper_command = command
@@ -130,10 +130,11 @@ class SimulatedRobot:
         if not self._fingers:
             return 0.0, 0.0, 0.0
         states = self._client.getJointStates(self.id, self._fingers)
-        positions, velocities, efforts = (np.array([s[i] for s in states]) for i in (0, 1, 3))
-        opening = self.model.gripper.opening_at(positions)
+        opening = self.model.gripper.opening_at([state[0] for state in states])
         slopes = self.model.gripper.joints_per_opening(opening)
-        return opening, float(np.mean(velocities / slopes)), float(np.sum(efforts * slopes))
+        velocity = sum(state[1] / slope for state, slope in zip(states, slopes, strict=True)) / len(states)
+        effort = sum(state[3] * slope for state, slope in zip(states, slopes, strict=True))
+        return opening, float(velocity), float(effort)
 
     def end_effector_pose(self) -> np.ndarray:
         """``T_world_ee`` (7,)."""
@@ -229,7 +230,7 @@ class SimulatedRobot:
             if name not in gripper.joint_names and factor != 0.0
         ]
 
-    def _slopes(self) -> np.ndarray:
+    def _slopes(self) -> tuple[float, ...]:
         """How much the finger joints (k,) move for each metre of opening where they are now."""
         gripper = self.model.gripper
         return gripper.joints_per_opening(self.gripper_state()[0] if gripper.openings else 0.0)
@@ -237,7 +238,7 @@ class SimulatedRobot:
     def _finger_positions(self, opening: float) -> list[float]:
         """Where the finger joints (k,) are at an opening (m), within their limits."""
         positions = []
-        for joint, value in zip(self._fingers, self.model.gripper.joints(opening).tolist(), strict=True):
+        for joint, value in zip(self._fingers, self.model.gripper.joints(opening), strict=True):
             lower, upper = self._limits[joint]
             positions.append(min(max(value, lower), upper) if lower < upper else value)
         return positions
