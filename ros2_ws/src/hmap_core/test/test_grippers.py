@@ -11,7 +11,7 @@ from hmap_core.contacts.hand import hand_of, seated
 from hmap_core.contacts.hold import turning_share
 from hmap_core.exceptions import InputError
 from hmap_core.execution.execute import execute
-from hmap_core.kinematics.arm import load_arm
+from hmap_core.kinematics.arm import FINGER_TOLERANCE, load_arm
 from hmap_core.planner import plan
 from hmap_core.planner.sweep import robot_sweeps
 from hmap_core.scenes import load_robot_model, load_scene
@@ -66,13 +66,14 @@ def standing(scene: Scene) -> Plan:
 def test_the_gap_between_the_fingers_is_the_opening(models, kind):
     arm = load_arm(models[kind])
     for opening in openings(models[kind]):
-        sides = {}
-        for hull in arm.hulls:
-            if hull.finger:
-                sides.setdefault(hull.link, []).append(arm._in_end_effector([hull.at(opening)])[:, 1])
-        left, right = (np.concatenate(y) for y in sides.values())
-        assert left.min() - right.max() == pytest.approx(opening, abs=2 * ROUNDED)
-        assert left.min() + right.max() == pytest.approx(0.0, abs=2 * ROUNDED)
+        assert arm.finger_gap(opening) == pytest.approx(opening, abs=2 * FINGER_TOLERANCE + ROUNDED)
+
+
+def test_a_gap_that_grows_otherwise_than_the_opening_is_refused(tmp_path):
+    path = write_robot(tmp_path, "slide")
+    path.write_text(path.read_text().replace("[-0.5, 0.5]", "[-0.4, 0.4]"))
+    with pytest.raises(InputError, match="0.0800 m, the gap of finger_links grows by 0.0640 m in the URDF"):
+        load_arm(load_robot_model(str(path)))
 
 
 @pytest.mark.parametrize("kind", [*GRIPPERS, "xarm6", "panda"])

@@ -24,6 +24,7 @@ FINGER_TOLERANCE = 0.00005  # m, for the parts that touch objects
 SPAN_POSTURES, SPAN_KEPT = 2048, 16  # looked at in each round for the span of an arm, and gone on from
 SPAN_CHANGES = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.0)  # of the joints' ranges, in each round
 SPAN_TOLERANCE = 0.002  # m
+WIDENING = 0.05  # share by which the gap between the fingers may grow otherwise than the opening
 ARMS_KEPT = 64  # arms with something in the hand that are remembered
 
 
@@ -145,6 +146,16 @@ class Arm:
     def finger_vertices(self, opening: float) -> np.ndarray:
         """All vertices (m, 3) of the finger links in the end-effector frame; empty without a gripper."""
         return self._in_end_effector([hull.at(opening) for hull in self.hulls if hull.finger])
+
+    def finger_gap(self, opening: float) -> float | None:
+        """Distance (m) of the fingers along the closing direction; None where not on both sides is one."""
+        inner: dict[bool, list[float]] = {False: [], True: []}
+        for hull in self.hulls:
+            if hull.finger:
+                y = self._in_end_effector([hull.at(opening)])[:, 1]
+                side = y.min() + y.max() > 0.0
+                inner[side].append(y.min() - hull.radius if side else y.max() + hull.radius)
+        return min(inner[True]) - max(inner[False]) if all(inner.values()) else None
 
     def tip_vertices(self) -> np.ndarray:
         """All vertices (m, 3) of what hangs on the last joint, in the end-effector frame."""
@@ -284,7 +295,7 @@ def build_arm(model: RobotModel) -> Arm:
             f"robot '{model.name}': end_effector_link '{model.end_effector_link}' does not follow the last joint",
             Code.INVALID_SCENE,
         )
-    return Arm(
+    arm = Arm(
         model,
         np.ascontiguousarray([T[:3, :3] for T in fixed]),
         np.ascontiguousarray([T[:3, 3] for T in fixed]),
@@ -294,6 +305,27 @@ def build_arm(model: RobotModel) -> Arm:
         _self_pairs(hulls, model.ignored_collisions),
         np.arange(len(fixed), dtype=np.int64),
     )
+    _check_widening(arm)
+    return arm
+
+
+def _check_widening(arm: Arm) -> None:
+    """The gap between the fingers grows as the opening does; not looked at where no finger is on one of the sides.
+
+    Raises:
+        InputError: INVALID_SCENE; it does not.
+    """
+    gripper = arm.model.gripper
+    if gripper is None:
+        return
+    ends = np.array([gripper.min_opening, gripper.open_opening])
+    gaps = [arm.finger_gap(opening) for opening in ends]
+    if None not in gaps and abs(np.ptp(gaps) / np.ptp(ends) - 1.0) > WIDENING:
+        raise InputError(
+            f"robot '{arm.model.name}': from gripper.min_opening to open_opening, {np.ptp(ends):.4f} m, the gap of "
+            f"finger_links grows by {gaps[1] - gaps[0]:.4f} m in the URDF; it has to be the same, see per_joint",
+            Code.INVALID_SCENE,
+        )
 
 
 def holding(arm: Arm, held: HeldBody) -> Arm:
