@@ -195,6 +195,8 @@ class Manipulation:
             standing = model.add_set(self.object, transformed(self._own, T), 0)
             model.keep_apart(hand, standing, OBJECT_CLEARANCE, near | far)
             model.keep_apart(toucher, standing, margin, near)
+            if linkage and not touching:  # nor does it meet the object once the gripper has closed
+                model.keep_apart(linkage[1].shapes, standing, OBJECT_CLEARANCE, near)
             if far:
                 model.keep_apart(toucher, standing, OBJECT_CLEARANCE, far)
 

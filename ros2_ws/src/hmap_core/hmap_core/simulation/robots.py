@@ -196,6 +196,8 @@ class SimulatedRobot:
             )
         if gripper is None:
             return
+        if gripper.openings:
+            self._weigh_linkage()
         for joint, driver, factor, offset in self._followers:
             self._client.setJointMotorControl2(self.id, joint, pybullet.VELOCITY_CONTROL, force=0.0)
             self._couple(self._fingers[driver], joint, factor, offset, s.linkage_erp)
@@ -205,6 +207,13 @@ class SimulatedRobot:
         for k in range(1, len(self._fingers)):
             factor = slope[k] / slope[0]
             self._couple(self._fingers[0], self._fingers[k], factor, start[k] - factor * start[0], erp)
+
+    def _weigh_linkage(self) -> None:
+        """Give the links of a linkage the inertia that the solver needs to keep it together under load."""
+        for joint in (*self._fingers, *(joint for joint, *_ in self._followers)):
+            own = self._client.getDynamicsInfo(self.id, joint)[2]
+            heavier = [max(value, self.settings.linkage_inertia) for value in own]
+            self._client.changeDynamics(self.id, joint, localInertiaDiagonal=heavier)
 
     def _couple(self, driver: int, joint: int, factor: float, offset: float, erp: float) -> None:
         """Keep a joint at ``factor`` (not 0) times another one, and ``offset``; ``erp`` of what it is off per step."""
