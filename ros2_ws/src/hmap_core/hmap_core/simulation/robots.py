@@ -200,13 +200,12 @@ class SimulatedRobot:
             self._weigh_linkage()
         for joint, driver, factor, offset in self._followers:
             self._client.setJointMotorControl2(self.id, joint, pybullet.VELOCITY_CONTROL, force=0.0)
-            self._couple(self._fingers[driver], joint, factor, offset, s.linkage_erp)
-        erp = s.linkage_erp if gripper.openings else s.finger_gear_erp
+            self._couple(self._fingers[driver], joint, factor, offset)
         # without it the object pushes one finger open while the other closes
         start, slope = (np.broadcast_to(v, len(self._fingers)) for v in (gripper.at_zero, gripper.per_joint))
         for k in range(1, len(self._fingers)):
             factor = slope[k] / slope[0]
-            self._couple(self._fingers[0], self._fingers[k], factor, start[k] - factor * start[0], erp)
+            self._couple(self._fingers[0], self._fingers[k], factor, start[k] - factor * start[0])
 
     def _weigh_linkage(self) -> None:
         """Give the links of a linkage the inertia that the solver needs to keep it together under load."""
@@ -215,8 +214,8 @@ class SimulatedRobot:
             heavier = [max(value, self.settings.linkage_inertia) for value in own]
             self._client.changeDynamics(self.id, joint, localInertiaDiagonal=heavier)
 
-    def _couple(self, driver: int, joint: int, factor: float, offset: float, erp: float) -> None:
-        """Keep a joint at ``factor`` (not 0) times another one, and ``offset``; ``erp`` of what it is off per step."""
+    def _couple(self, driver: int, joint: int, factor: float, offset: float) -> None:
+        """Keep a joint at ``factor`` (not 0) times another one, and ``offset``."""
         gear = self._client.createConstraint(
             self.id, driver, self.id, joint, pybullet.JOINT_GEAR, [1, 0, 0], [0] * 3, [0] * 3
         )
@@ -224,7 +223,7 @@ class SimulatedRobot:
             gear,
             gearRatio=-1.0 / factor,
             relativePositionTarget=-offset / factor,
-            erp=erp,
+            erp=self.settings.finger_gear_erp,
             maxForce=self.settings.finger_gear_force,
         )
 

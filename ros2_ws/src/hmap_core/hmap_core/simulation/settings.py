@@ -26,8 +26,7 @@ class RobotSettings:
     finger_damping: float = 3e3  # N s/m
     finger_speed: float = 0.1  # m/s, of each finger
     finger_gear_force: float = 50.0  # N or N m, that keeps fingers symmetric, and linkages as their mimic joints say
-    finger_gear_erp: float = 0.1  # share of the fingers' difference removed per step
-    linkage_erp: float = 0.8  # the same of linkages; with 0.1 they give way by 5 deg under 40 N at the pads
+    finger_gear_erp: float = 0.1  # share of what they are off removed per step
     linkage_inertia: float = 1e-3  # kg m^2, least of a link in a linkage, as if of its motor; lighter ones give way
     finger_force: float = 40.0  # N, of a gripper command that names none
 
