@@ -20,6 +20,7 @@ FULL_WIDTH = 0.9  # of the pads' half width; beyond, a vertex is at a side of th
 RADIUS = 0.001  # m of the spheres that make a pad
 SPREAD = (-1.0, 0.0, 1.0)  # where they touch, as shares of the pad's halves
 RECESS = 2e-3  # m by which the hull is cut off behind the face of its pad: Bullet's hulls are 1 mm larger all round
+TAPER = 0.05  # of linkages: of faces that are nearly parallel, Bullet may find that what is before one is behind it
 LEAST = 1e-3  # m; smaller faces get no pad
 DIGITS = 12  # of a transform that are more than rounding
 PARALLEL = 0.02  # rad; fingers that turn more between closed and open get no pads
@@ -40,7 +41,7 @@ def with_pads(model: RobotModel, folder: Path) -> Path:
     for link in tree.getroot().findall("link"):
         if link.get("name") in pads:
             name = link.get("name")
-            _replace(link, urdf.hulls[name], pads[name], folder / f"{name}.obj")
+            _replace(link, urdf.hulls[name], pads[name], folder / f"{name}.obj", TAPER if gripper.openings else 0.0)
     path = folder / f"{model.name}.urdf"
     ElementTree.indent(tree)  # Bullet's reader breaks long lines, also within a number
     tree.write(path)
@@ -83,13 +84,17 @@ def _in_end_effector(urdf: Urdf, model: RobotModel, link: str, opening: float) -
     return np.round(np.linalg.inv(T_root_ee) @ urdf.tree.pose(link, values), DIGITS)
 
 
-def _replace(link: ElementTree.Element, hulls, pad, file: Path) -> None:
-    """Give a link its hull, cut off behind its pad and written to ``file``, and the pad as collision shapes."""
+def _replace(link: ElementTree.Element, hulls, pad, file: Path, taper: float) -> None:
+    """Give a link its hull, cut off behind its pad and written to ``file``, and the pad as collision shapes.
+
+    The cut recedes from the pad by ``taper`` metres for each from the finger's end.
+    """
     size, centre, axes, opening = pad
     for collision in link.findall("collision"):
         link.remove(collision)
     vertices = np.concatenate([points for points, _ in hulls])
-    missing = centre @ opening - RADIUS + RECESS - vertices @ opening
+    up = centre @ axes[:, 2] - vertices @ axes[:, 2]  # from the pad's middle towards the hand
+    missing = centre @ opening - RADIUS + RECESS + taper * (up - up.min()) - vertices @ opening
     trimesh.PointCloud(vertices + np.outer(np.maximum(missing, 0.0), opening)).convex_hull.export(file)
     hull = ElementTree.SubElement(link, "collision")
     ElementTree.SubElement(ElementTree.SubElement(hull, "geometry"), "mesh", filename=str(file))
