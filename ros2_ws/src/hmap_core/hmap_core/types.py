@@ -1,7 +1,10 @@
 """The data that the parts of hmap pass to each other: SI units, world frame, poses as in transforms.py."""
 
+from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +13,7 @@ from hmap_core.transforms import IDENTITY
 
 # m, rad: how far off its goal an object may be after execution
 EXECUTED_WITHIN = (0.02, float(np.deg2rad(10.0)))
+GRIPPER_SPEED = 0.1  # m/s of an opening, where nothing else is said
 
 
 class ShapeKind(StrEnum):
@@ -68,17 +72,72 @@ class Body:
 
 @dataclass(frozen=True)
 class Gripper:
-    """A parallel gripper; ``opening`` is the gap between the finger pads in metres, as in GripperCommand."""
+    """A gripper of two fingers; ``opening`` is the gap between the finger pads in metres, as in GripperCommand.
 
-    joint_names: tuple[str, ...]  # each moves by opening * per_joint
-    per_joint: float
+    Joint i is at ``at_zero[i] + travel * per_joint[i]``. Where fingers slide, travel is the opening. Where they turn,
+    it goes from 0, closed, to 1, open; ``openings`` are the gaps on the way, and it is linear between them.
+
+    Attributes:
+        joint_names: the k joints that are driven; others may follow them by their ``mimic`` in the URDF.
+        per_joint, at_zero: one number for each joint, or one for all.
+        finger_links: the links that touch.
+        min_opening, max_opening: m, usable for grasping.
+        open_opening: m, commanded when opened fully.
+        tip_offset: m, from the end-effector frame to the end of the closed fingers, along the approach axis.
+        pad_half_width: m, half extent of a pad across the closing and approach axes.
+        force: N, when grasping.
+        openings: (M,) m, increasing, at travels spaced evenly from 0 to 1; empty where travel is the opening.
+        tips: (M,) m, how far the fingers reach farther along the approach than closed; empty where they never do.
+        speed: m/s that the opening changes by at most.
+    """
+
+    joint_names: tuple[str, ...]
+    per_joint: float | tuple[float, ...]
     finger_links: tuple[str, ...]
     min_opening: float
-    max_opening: float  # usable for grasping
-    open_opening: float  # commanded when opened fully
-    tip_offset: float  # from the end-effector frame to the end of the fingers, along the approach axis
-    pad_half_width: float  # half extent of a pad across the closing and approach axes
-    force: float  # N, when grasping
+    max_opening: float
+    open_opening: float
+    tip_offset: float
+    pad_half_width: float
+    force: float
+    at_zero: float | tuple[float, ...] = 0.0
+    openings: tuple[float, ...] = ()
+    tips: tuple[float, ...] = ()
+    speed: float = GRIPPER_SPEED
+
+    def joints(self, opening: float) -> tuple[float, ...]:
+        """Where the driven joints (k,) are at an opening (m)."""
+        travel = float(np.interp(opening, self.openings, self._travels)) if self.openings else opening
+        return tuple(start + travel * slope for start, slope in self._each)
+
+    def opening_at(self, joints: Sequence[float]) -> float:
+        """The opening (m) with the driven joints at (k,)."""
+        shares = [(joint - start) / slope for joint, (start, slope) in zip(joints, self._each, strict=True)]
+        travel = sum(shares) / len(shares)
+        return float(np.interp(travel, self._travels, self.openings)) if self.openings else float(travel)
+
+    def joints_per_opening(self, opening: float) -> tuple[float, ...]:
+        """How much the driven joints (k,) move for each metre of opening, about an opening (m)."""
+        travel = 1.0
+        if self.openings:
+            step = min(max(bisect_left(self.openings, opening), 1), len(self.openings) - 1)
+            travel = float(self._travels[1]) / (self.openings[step] - self.openings[step - 1])
+        return tuple(travel * slope for _, slope in self._each)
+
+    def reach_at(self, opening: float) -> float:
+        """How much farther along the approach the fingers reach at an opening (m) than closed, m."""
+        return float(np.interp(opening, self.openings, self.tips)) if self.tips else 0.0
+
+    @cached_property
+    def _each(self) -> tuple[tuple[float, float], ...]:
+        """Of each joint: ``at_zero`` and ``per_joint``."""
+        k = len(self.joint_names)
+        starts, slopes = (np.broadcast_to(values, k).tolist() for values in (self.at_zero, self.per_joint))
+        return tuple(zip(starts, slopes, strict=True))
+
+    @cached_property
+    def _travels(self) -> np.ndarray:
+        return np.linspace(0.0, 1.0, len(self.openings))
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ class Bullet:
             self.client.resetJointState(self.body, self.joint[name], value)
         if self.model.gripper:
             for name in self.model.gripper.joint_names:
-                self.client.resetJointState(self.body, self.joint[name], opening * self.model.gripper.per_joint)
+                self.client.resetJointState(self.body, self.joint[name], self.model.gripper.joints(opening)[0])
 
     def link_pose(self, link: str) -> np.ndarray:
         if link not in self.link:

@@ -98,4 +98,4 @@ class Fusion:
         names = self._finger_joints[robot]
         if not names:
             return 0.0
-        return float(self._column(names, 1).mean() / self.scene.robots[robot].model.gripper.per_joint)
+        return self.scene.robots[robot].model.gripper.opening_at(self._column(names, 1))

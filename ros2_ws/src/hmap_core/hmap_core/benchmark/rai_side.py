@@ -110,7 +110,7 @@ def _add_panda(ry: ModuleType, C, name: str, robot: Robot, opening: float) -> No
     C.getFrame(f"{name}_panda_base").setRelativePose(wxyz(robot.base_pose))
     for k, limits in enumerate(robot.model.position_limits.T):
         C.getFrame(f"{name}_panda_joint{k + 1}").setJoint(ry.JT.hingeZ, limits=list(limits))
-    C.getFrame(f"{name}_panda_finger_joint1").setJointState([opening * robot.model.gripper.per_joint])
+    C.getFrame(f"{name}_panda_finger_joint1").setJointState(list(robot.model.gripper.joints(opening)[:1]))
     for finger, side in (("finger1", 1.0), ("finger2", -1.0)):
         C.getFrame(f"{name}_{finger}").setRelativePosition(FINGER * [1.0, side, 1.0])
     C.addFrame(f"{name}_ee", f"{name}_panda_hand_joint").setRelativePose(wxyz(robot.model.T_link_ee))

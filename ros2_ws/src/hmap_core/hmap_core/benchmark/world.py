@@ -16,12 +16,14 @@ from hmap_core.validation.world import Part, World
 def robot_data(robot: Robot) -> RobotData:
     """A robot as the judge takes it."""
     model, gripper = robot.model, robot.model.gripper
+    k = len(gripper.joint_names) if gripper else 0
     return RobotData(
         robot.name, model.urdf_uri, robot.base_pose, model.joint_names, robot.q, model.position_limits,
         model.velocity_limits, model.acceleration_limits, model.end_effector_link, model.T_link_ee,
         frozenset(frozenset(pair) for pair in model.ignored_collisions),
         None if gripper is None else GripperData(
-            gripper.joint_names, gripper.per_joint, gripper.finger_links, gripper.min_opening, gripper.max_opening
+            gripper.joint_names, np.broadcast_to(gripper.per_joint, k), gripper.finger_links, gripper.min_opening,
+            gripper.max_opening, np.broadcast_to(gripper.at_zero, k), np.array(gripper.openings),
         ),
         np.inf,
     )  # fmt: skip

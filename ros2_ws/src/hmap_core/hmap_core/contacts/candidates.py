@@ -22,16 +22,18 @@ class Hand:
     """What of the hand matters to a contact, in the end-effector frame (z approach, y closing).
 
     Attributes:
-        tip: (V, 3) vertices of the convex hull of the closed fingers (opening 0), or of what they hold.
+        tip: (V, 3) vertices of the convex hull of the closed fingers, or of what they hold.
         gripper: None for an arm without fingers or with a body in them; it then cannot grasp.
         held: the body in the fingers, which touches in their place.
         palm_clearance: from the palm to the fingertip centre, m.
+        closed: opening of the closed gripper, m.
     """
 
     tip: np.ndarray
     gripper: Gripper | None
     held: HeldBody | None = None
     palm_clearance: float = PALM_CLEARANCE
+    closed: float = 0.0
 
     def friction(self, object_friction: float) -> float:
         """Lateral Coulomb coefficient of its touch on an object with this one."""

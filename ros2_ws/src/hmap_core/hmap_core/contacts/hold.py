@@ -29,7 +29,7 @@ def turning_share(body: Body, contacts: Sequence[ContactPoint], gripper: Gripper
     capacity = 4.0 / 3.0 * body.friction * gripper.force * gripper.pad_half_width
     if not contacts:
         return np.zeros(0)
-    origins, closing = _closing(contacts)
+    origins, closing = _closing(contacts, gripper, [contact.opening for contact in contacts])
     moment = np.einsum("ki,ki->k", np.cross(centre - origins, -body.mass * GRAVITY * up), closing)
     grasps = np.array([contact.kind == ContactKind.GRASP for contact in contacts])
     return np.where(grasps, np.abs(moment) / capacity, 0.0)
@@ -44,21 +44,27 @@ def pushing_share(held: HeldBody, gripper: Gripper, body: Body, contacts: Sequen
     force = body.friction * body.mass * GRAVITY
     if not contacts:
         return np.zeros(0)
-    origins, closing = _closing(contacts)
+    origins, closing = _closing(contacts, gripper, [held.opening] * len(contacts))
     points, normals = (np.array([getattr(c, name) for c in contacts]) for name in ("point", "normal"))
     moment = np.einsum("ki,ki->k", np.cross(points - origins, force * normals), closing)
     return np.abs(moment) / capacity
 
 
-def _closing(contacts: Sequence[ContactPoint]) -> tuple[np.ndarray, np.ndarray]:
-    """Where (K, 3) the hands are, and their closing axes (K, 3), in the object's frame."""
+def _closing(
+    contacts: Sequence[ContactPoint], gripper: Gripper, openings: Sequence[float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where (K, 3) the pads are at openings (K,) in m, and their closing axes (K, 3), in the object's frame."""
     frames = np.array([c.T_obj_ee for c in contacts])
-    return frames[:, :3], rotation_matrices(frames)[:, :, 1]
+    R, origins = rotation_matrices(frames), frames[:, :3]
+    if gripper.tips:
+        origins = origins + R[:, :, 2] * np.array([gripper.reach_at(opening) for opening in openings])[:, None]
+    return origins, R[:, :, 1]
 
 
 def pad_balance(body: Body, contacts: Sequence[ContactPoint], gripper: Gripper) -> np.ndarray:
     """How evenly (K,) each grasp's pads lie on the object: 1 when as much of it is on either side of the pad's middle.
 
+    Grasps as sampled, see :func:`hmap_core.contacts.hand.seated`: their frames are in the middle between the pads.
     0 when one side of the pad hangs over an edge. Contacts that are no grasps are even.
     """
     even = np.ones(len(contacts))

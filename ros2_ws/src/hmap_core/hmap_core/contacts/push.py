@@ -227,7 +227,7 @@ def pushes(
         for down, aside, price in HELD_WAYS if hand.held else FINGER_WAYS:
             way = -normals - down * slide.up + aside * sideways
             approach = np.einsum("nij,ni->nj", R, way / np.linalg.norm(way, axis=1)[:, None])
-            arrays = (R, origin, points, normals, np.zeros(len(points)), approach, score - price)
+            arrays = (R, origin, points, normals, np.full(len(points), hand.closed), approach, score - price)
             found.append([a[keep] for a in arrays])
     return Candidates(ContactKind.PUSH, *(np.concatenate(a) for a in zip(*found, strict=True)))
 

@@ -27,7 +27,7 @@ def touches(
     points, normals = cloud.points[index], cloud.normals[index]
     score = scoring.place(R, points, normals, cloud.seen[index], centre, radius, situation) + straight
     approach = -np.einsum("nij,ni->nj", R, normals)
-    return Candidates(ContactKind.TOUCH, R, origin, points, normals, np.zeros(len(R)), approach, score)
+    return Candidates(ContactKind.TOUCH, R, origin, points, normals, np.full(len(R), hand.closed), approach, score)
 
 
 def _finger_poses(cloud: Cloud, up: np.ndarray, hand: Hand, rng: np.random.Generator):

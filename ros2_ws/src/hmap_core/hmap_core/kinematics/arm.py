@@ -11,17 +11,20 @@ from scipy.spatial.transform import Rotation
 from hmap_core.collision.convex import bounding_sphere, hull_vertices
 from hmap_core.collision.edges import hull_edges
 from hmap_core.exceptions import Code, InputError
+from hmap_core.kinematics.fingers import Linkage, LinkageStep, Slide, closed, finger_motion, steps_frame
 from hmap_core.kinematics.simplify import simplify_hull
 from hmap_core.kinematics.tree import forward, forward_last
-from hmap_core.kinematics.urdf import MOVING, Urdf, load_urdf
+from hmap_core.kinematics.urdf import Urdf, load_urdf
+from hmap_core.scenes.urdf import MOVING, UrdfJoint
 from hmap_core.transforms import apply, from_matrix, multiply, quaternions, to_matrix
-from hmap_core.types import HeldBody, RobotModel
+from hmap_core.types import Gripper, HeldBody, RobotModel
 
 LINK_TOLERANCE = 0.0012  # m a simplified link hull may stick out of the true one
 FINGER_TOLERANCE = 0.00005  # m, for the parts that touch objects
 SPAN_POSTURES, SPAN_KEPT = 2048, 16  # looked at in each round for the span of an arm, and gone on from
 SPAN_CHANGES = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.0)  # of the joints' ranges, in each round
 SPAN_TOLERANCE = 0.002  # m
+WIDENING = 0.05  # share by which the gap between the fingers may grow otherwise than the opening
 ARMS_KEPT = 64  # arms with something in the hand that are remembered
 
 
@@ -29,25 +32,32 @@ ARMS_KEPT = 64  # arms with something in the hand that are remembered
 class LinkHull:
     """A convex piece of a link: swept hull in the frame that carries it (0 = base, i = after joint i).
 
-    ``slide`` (3,) is how far it moves, in that frame, per metre of gripper opening: zero but for fingers.
+    ``motion`` is how it moves in that frame with the opening of the gripper; None: not at all.
     """
 
     link: str
     frame: int
     vertices: np.ndarray
     radius: float
-    slide: np.ndarray
+    motion: Slide | Linkage | None
     finger: bool
     sphere: tuple[np.ndarray, float]  # center (3,) and radius of a bounding sphere with the gripper closed
     edges: np.ndarray  # of the hull, see hmap_core.collision.edges
 
     def sphere_at(self, opening: float) -> tuple[np.ndarray, float]:
         """Bounding sphere with the gripper open by ``opening`` metres."""
-        return self.sphere[0] + self.slide * opening, self.sphere[1]
+        center, radius = self.sphere
+        return (center if self.motion is None else self.motion.moved(center, opening)), radius
 
     def at(self, opening: float) -> np.ndarray:
         """Vertices (n, 3) with the gripper open by ``opening`` metres."""
-        return self.vertices + self.slide * opening
+        return self.vertices if self.motion is None else self.motion.moved(self.vertices, opening)
+
+    def extent(self, gripper: Gripper | None) -> float:
+        """Farthest that its points come from the origin of the frame that carries it, m."""
+        if self.motion is None:
+            return float(np.linalg.norm(self.vertices, axis=1).max() + self.radius)
+        return self.motion.extent(self.vertices, self.radius, gripper)
 
 
 @dataclass(frozen=True)
@@ -106,9 +116,7 @@ class Arm:
     def _reach(self) -> np.ndarray:
         extent = np.zeros(self.n + 1)  # of the links on each frame
         for hull in self.hulls:
-            slide = np.linalg.norm(hull.slide) * (self.model.gripper.open_opening if self.model.gripper else 0.0)
-            size = np.linalg.norm(hull.vertices, axis=1).max() + hull.radius + slide
-            extent[hull.frame] = max(extent[hull.frame], size)
+            extent[hull.frame] = max(extent[hull.frame], hull.extent(self.model.gripper))
         return self._bound(extent)
 
     def speed(self, extent_at_tip: float) -> float:
@@ -138,6 +146,16 @@ class Arm:
     def finger_vertices(self, opening: float) -> np.ndarray:
         """All vertices (m, 3) of the finger links in the end-effector frame; empty without a gripper."""
         return self._in_end_effector([hull.at(opening) for hull in self.hulls if hull.finger])
+
+    def finger_gap(self, opening: float) -> float | None:
+        """Distance (m) of the fingers along the closing direction; None where not on both sides is one."""
+        inner: dict[bool, list[float]] = {False: [], True: []}
+        for hull in self.hulls:
+            if hull.finger:
+                y = self._in_end_effector([hull.at(opening)])[:, 1]
+                side = y.min() + y.max() > 0.0
+                inner[side].append(y.min() - hull.radius if side else y.max() + hull.radius)
+        return min(inner[True]) - max(inner[False]) if all(inner.values()) else None
 
     def tip_vertices(self) -> np.ndarray:
         """All vertices (m, 3) of what hangs on the last joint, in the end-effector frame."""
@@ -172,11 +190,20 @@ def _align_z(axis: np.ndarray) -> np.ndarray:
     return matrix
 
 
-def _link_frames(urdf: Urdf, model: RobotModel):
-    """Where each link hangs: link -> (frame, T_frame_link (4, 4), slide (3,), finger), and the joints' fixed parts."""
+@dataclass(frozen=True)
+class _Hanging:
+    """Where a link hangs: the frame that carries it, the link's frame in there (4, 4), closed; and how it moves."""
+
+    frame: int
+    T: np.ndarray
+    motion: Slide | Linkage | None
+
+
+def _link_frames(urdf: Urdf, model: RobotModel) -> tuple[dict[str, _Hanging], list[np.ndarray]]:
+    """Where each link hangs, and the joints' fixed parts."""
     for name in model.joint_names:
-        if name not in {j.name for j in urdf.joints.values()}:
-            known = ", ".join(j.name for j in urdf.joints.values() if j.kind in MOVING)
+        if name not in urdf.tree.by_name:
+            known = ", ".join(j.name for j in urdf.tree.by_name.values() if j.kind in MOVING)
             raise InputError(
                 f"robot '{model.name}': joint '{name}' is not in the URDF; it has {known}", Code.INVALID_SCENE
             )
@@ -186,11 +213,10 @@ def _link_frames(urdf: Urdf, model: RobotModel):
             Code.INVALID_SCENE,
         )
     fixed: dict[str, np.ndarray] = {}
-    gripper = model.gripper
     placed = {}
     for link in urdf.hulls:
-        frame, T, slide, finger = 0, np.eye(4), np.zeros(3), False
-        for joint in urdf.joint_path(link):
+        frame, T, own = 0, np.eye(4), []
+        for joint in urdf.tree.path(link):
             T = T @ to_matrix(joint.T_parent_joint)
             if joint.name in model.joint_names:
                 align = _align_z(joint.axis)
@@ -202,15 +228,34 @@ def _link_frames(urdf: Urdf, model: RobotModel):
                         Code.INVALID_SCENE,
                     )
                 fixed[joint.name] = T @ align
-                frame, T = index + 1, np.linalg.inv(align)
-            elif gripper and joint.name in gripper.joint_names:
-                slide = slide + T[:3, :3] @ joint.axis * gripper.per_joint
-        finger = bool(gripper and link in gripper.finger_links)
-        placed[link] = (frame, T, slide, finger)
+                frame, T, own = index + 1, np.linalg.inv(align), []
+            elif (step := _step(urdf, model.gripper, joint, T)) is not None:
+                own.append(step)
+                T = np.eye(4)
+        placed[link] = _hanging(model.gripper, frame, own, T)
     missing = [name for name in model.joint_names if name not in fixed]
     if missing:
         raise InputError(f"robot '{model.name}': joints {missing} carry no link", Code.INVALID_SCENE)
     return placed, [fixed[name] for name in model.joint_names]
+
+
+def _step(urdf: Urdf, gripper: Gripper | None, joint: UrdfJoint, T: np.ndarray) -> LinkageStep | None:
+    """A joint that moves with the gripper, behind a fixed transform (4, 4); None for any other."""
+    if gripper is None:
+        return None
+    if joint.name in gripper.joint_names:
+        return LinkageStep(T, joint, gripper.joint_names.index(joint.name), 1.0, 0.0)
+    name, factor, offset = urdf.tree.driver(joint.name)
+    if name not in gripper.joint_names:
+        return None
+    return LinkageStep(T, joint, gripper.joint_names.index(name), factor, offset)
+
+
+def _hanging(gripper: Gripper | None, frame: int, steps: list[LinkageStep], T: np.ndarray) -> _Hanging:
+    """A link behind some joints of the gripper, and a fixed transform (4, 4) behind these."""
+    if not steps:
+        return _Hanging(frame, T, None)
+    return _Hanging(frame, steps_frame(gripper, steps, closed(gripper)) @ T, finger_motion(gripper, steps))
 
 
 def _self_pairs(hulls: list[LinkHull], ignored) -> np.ndarray:
@@ -231,10 +276,11 @@ def build_arm(model: RobotModel) -> Arm:
     """
     urdf = load_urdf(model.urdf)
     placed, fixed = _link_frames(urdf, model)
-    kinds = {j.name: j.kind for j in urdf.joints.values()}
+    kinds = {name: joint.kind for name, joint in urdf.tree.by_name.items()}
     hulls = []
     for link, pieces in urdf.hulls.items():
-        frame, T, slide, finger = placed[link]
+        frame, T, motion = placed[link].frame, placed[link].T, placed[link].motion
+        finger = model.gripper is not None and link in model.gripper.finger_links
         for points, radius in pieces:
             touches = finger or (model.gripper is None and frame == len(fixed))
             tolerance = FINGER_TOLERANCE if touches else LINK_TOLERANCE
@@ -242,23 +288,44 @@ def build_arm(model: RobotModel) -> Arm:
             vertices = np.ascontiguousarray(vertices @ T[:3, :3].T + T[:3, 3])
             center, bound = bounding_sphere(vertices)
             sphere = (center, bound + radius + extra)
-            hulls.append(LinkHull(link, frame, vertices, radius + extra, slide, finger, sphere, hull_edges(vertices)))
-    frame, T_tip_link, _, _ = placed[model.end_effector_link]
-    if frame != len(fixed):
+            hulls.append(LinkHull(link, frame, vertices, radius + extra, motion, finger, sphere, hull_edges(vertices)))
+    tip = placed[model.end_effector_link]
+    if tip.frame != len(fixed):
         raise InputError(
             f"robot '{model.name}': end_effector_link '{model.end_effector_link}' does not follow the last joint",
             Code.INVALID_SCENE,
         )
-    return Arm(
+    arm = Arm(
         model,
         np.ascontiguousarray([T[:3, :3] for T in fixed]),
         np.ascontiguousarray([T[:3, 3] for T in fixed]),
         np.array([kinds[name] == "prismatic" for name in model.joint_names], np.int64),
-        T_tip_link @ to_matrix(model.T_link_ee),
+        tip.T @ to_matrix(model.T_link_ee),
         tuple(hulls),
         _self_pairs(hulls, model.ignored_collisions),
         np.arange(len(fixed), dtype=np.int64),
     )
+    _check_widening(arm)
+    return arm
+
+
+def _check_widening(arm: Arm) -> None:
+    """The gap between the fingers grows as the opening does; not looked at where no finger is on one of the sides.
+
+    Raises:
+        InputError: INVALID_SCENE; it does not.
+    """
+    gripper = arm.model.gripper
+    if gripper is None:
+        return
+    ends = np.array([gripper.min_opening, gripper.open_opening])
+    gaps = [arm.finger_gap(opening) for opening in ends]
+    if None not in gaps and abs(np.ptp(gaps) / np.ptp(ends) - 1.0) > WIDENING:
+        raise InputError(
+            f"robot '{arm.model.name}': from gripper.min_opening to open_opening, {np.ptp(ends):.4f} m, the gap of "
+            f"finger_links grows by {gaps[1] - gaps[0]:.4f} m in the URDF; it has to be the same, see per_joint",
+            Code.INVALID_SCENE,
+        )
 
 
 def holding(arm: Arm, held: HeldBody) -> Arm:
@@ -268,8 +335,7 @@ def holding(arm: Arm, held: HeldBody) -> Arm:
     """
     n, opening = arm.n, held.opening
     hulls = [
-        replace(h, vertices=h.at(opening), slide=np.zeros(3), sphere=h.sphere_at(opening), finger=False)
-        for h in arm.hulls
+        replace(h, vertices=h.at(opening), motion=None, sphere=h.sphere_at(opening), finger=False) for h in arm.hulls
     ]
     T = multiply(from_matrix(arm.T_tip_ee), held.T_ee_body)
     own = []
@@ -278,7 +344,7 @@ def holding(arm: Arm, held: HeldBody) -> Arm:
         vertices = np.ascontiguousarray(apply(T, points))
         center = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
         sphere = (center, np.linalg.norm(vertices - center, axis=1).max() + radius)
-        own.append(LinkHull(held.name, n, vertices, radius, np.zeros(3), True, sphere, hull_edges(vertices)))
+        own.append(LinkHull(held.name, n, vertices, radius, None, True, sphere, hull_edges(vertices)))
     links = [i for i, hull in enumerate(hulls) if hull.frame < n]
     pairs = [(i, len(hulls) + k) for i in links for k in range(len(own))]
     self_pairs = np.concatenate([arm.self_pairs, np.array(pairs, np.int64).reshape(-1, 2)])
@@ -294,7 +360,7 @@ def load_arm(model: RobotModel) -> Arm:
     """The arm of a model, built once per (name, URDF file, joints, ignored pairs), with what it holds."""
     gripper, held = model.gripper, model.held
     key = (model.name, model.urdf, model.joint_names, model.ignored_collisions, model.end_effector_link)
-    key += (model.T_link_ee.tobytes(), gripper and (gripper.joint_names, gripper.per_joint, gripper.finger_links))
+    key += (model.T_link_ee.tobytes(), gripper)
     if key not in _ARMS:
         _ARMS[key] = build_arm(model)
     if held is None:

@@ -125,8 +125,8 @@ class Clearances:
             if stay.place.frame == self._workspace.model.tip(name):
                 continue
             self._keep_hand_away(model, name, stay, Part(arm.hand, arm.hand_set, stay.phases))
-            for fingers in self._around.fingers[name]:
-                self._keep_hand_away(model, name, stay, fingers)
+            for part in self._around.fingers[name] + self._around.linkages[name]:
+                self._keep_hand_away(model, name, stay, part)
 
     def _keep_hand_away(self, model: CollisionModel, robot: str, stay: _Stay, part: Part) -> None:
         """Keeps a part of a hand away from a body, around its contacts as near as these have it."""

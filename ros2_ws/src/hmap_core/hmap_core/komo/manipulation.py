@@ -160,8 +160,8 @@ class Manipulation:
         model = GrownModel(around.model)
         if self.object is None:
             return model
-        arm, fingers = around.arms[self.robot], around.fingers[self.robot]
-        moving = arm.upper + arm.hand + (fingers[0].shapes if fingers else ())
+        arm, fingers, linkage = around.arms[self.robot], around.fingers[self.robot], around.linkages[self.robot]
+        moving = arm.upper + arm.hand + sum((part[0].shapes for part in (fingers, linkage) if part), ())
         standing = model.add_set(self.object, transformed(self._own, T_obj), 0)
         model.keep_apart(moving, standing, OBJECT_CLEARANCE, FREE)
         return model
@@ -185,15 +185,18 @@ class Manipulation:
 
     def _add_places(self, model: CollisionModel, around: Surroundings, contact: ContactPoint, places) -> None:
         """The object in places (7,), each with the bit masks of phases in which the hand is near and far from there."""
-        arm, fingers = around.arms[self.robot], around.fingers[self.robot]
+        arm, fingers, linkage = around.arms[self.robot], around.fingers[self.robot], around.linkages[self.robot]
         touching = contact.kind != ContactKind.GRASP
         margin = -TOUCH_ALLOWANCE if touching else OBJECT_CLEARANCE
         # an arm without fingers touches with its last link
         toucher, hand = (fingers[0].shapes, arm.upper + arm.hand) if fingers else (arm.hand, arm.upper)
+        hand += linkage[0].shapes if linkage else ()
         for T, near, far in places:
             standing = model.add_set(self.object, transformed(self._own, T), 0)
             model.keep_apart(hand, standing, OBJECT_CLEARANCE, near | far)
             model.keep_apart(toucher, standing, margin, near)
+            if linkage and not touching:  # nor does it meet the object once the gripper has closed
+                model.keep_apart(linkage[1].shapes, standing, OBJECT_CLEARANCE, near)
             if far:
                 model.keep_apart(toucher, standing, OBJECT_CLEARANCE, far)
 

@@ -29,12 +29,12 @@ class Part:
 
 @dataclass(frozen=True)
 class ArmShapes:
-    """Numbers of a moving arm's shapes in a collision model, its fingers left out.
+    """Numbers of a moving arm's shapes in a collision model, its fingers and their linkage left out.
 
     Attributes:
         base: of the links that do not move; upper: of those before the last joint; hand: of those after it.
         hand_set: the hand's shapes in the tip frame.
-        by_hull: the number of each of the arm's hulls; None for a finger.
+        by_hull: the number of each of the arm's hulls; None for a finger, and for what moves with the gripper.
     """
 
     base: tuple[int, ...]
@@ -56,6 +56,7 @@ class Surroundings:
         model: their shapes, and the pairs that hold in every phase.
         arms: of each moving robot.
         fingers: of each moving robot, once for each opening.
+        linkages: likewise, of each moving robot what else moves with its gripper.
         standing: name of a body, or of a robot that stands still -> its shapes' numbers.
         shapes: all these shapes in the world.
         owner: (len(shapes),) whose each is, by the order of ``standing``.
@@ -64,6 +65,7 @@ class Surroundings:
     model: BaseModel
     arms: dict[str, ArmShapes]
     fingers: dict[str, tuple[Part, ...]]
+    linkages: dict[str, tuple[Part, ...]]
     standing: dict[str, list[int]]
     shapes: ConvexSet
     owner: np.ndarray
@@ -93,18 +95,19 @@ def collect(
                 for link, vertices, radius, sphere, edges in posed_links(robot, state.q[name], state.gripper[name])
             ]
     around = [s for shapes in standing.values() for s in shapes]
-    fingers: dict[str, tuple[Part, ...]] = {}
+    grippers: dict[str, tuple[Part, ...]] = {}
+    fingers, linkages = {}, {}
     for name, variants in openings:
-        parts = _add_fingers(model, chain, name, arms[name], variants)
-        arm = arms[name]
+        fingers[name], linkages[name] = _add_gripper(model, chain, name, arms[name], variants)
+        arm, parts = arms[name], fingers[name] + linkages[name]
         model.keep_apart(arm.upper + arm.hand, around, ROBOT_CLEARANCE)
         for part in parts:
             model.keep_apart(part.shapes, around, ROBOT_CLEARANCE, part.phases)
-        for other, others in fingers.items():
+        for other, others in grippers.items():
             _keep_robots_apart(model, arm, parts, arms[other], others)
-        fingers[name] = parts
+        grippers[name] = parts
     owner = np.repeat(np.arange(len(standing)), [len(shapes) for shapes in standing.values()])
-    return Surroundings(model, arms, fingers, standing, hull_set([model.hulls[s] for s in around]), owner)
+    return Surroundings(model, arms, fingers, linkages, standing, hull_set([model.hulls[s] for s in around]), owner)
 
 
 def _keep_robots_apart(
@@ -136,7 +139,7 @@ def _add_arm(model: CollisionModel, chain: KinematicModel, name: str) -> ArmShap
     parts: dict[str, list[int]] = {"base": [], "upper": [], "hand": []}
     by_hull: list[int | None] = []
     for hull in placed.arm.hulls:
-        if hull.finger:
+        if hull.finger or hull.motion is not None:
             by_hull.append(None)
             continue
         vertices, (center, bound) = hull.at(0.0), hull.sphere
@@ -154,13 +157,13 @@ def _add_arm(model: CollisionModel, chain: KinematicModel, name: str) -> ArmShap
     return ArmShapes(base, upper, hand, hull_set([model.hulls[s] for s in hand]), tuple(by_hull))
 
 
-def _add_fingers(
+def _add_gripper(
     model: CollisionModel, chain: KinematicModel, name: str, shapes: ArmShapes, openings: Sequence[tuple[float, int]]
-) -> tuple[Part, ...]:
-    """Adds the fingers of a moving arm once for each opening, and the pairs of them and its links that keep apart."""
+) -> tuple[tuple[Part, ...], tuple[Part, ...]]:
+    """Adds fingers and linkage of a moving arm once for each opening, and their pairs that keep apart."""
     arm = chain.arms[name].arm
     hulls = [i for i, number in enumerate(shapes.by_hull) if number is None]
-    found = []
+    fingers, linkage = [], []
     for opening, phases in openings if hulls else ():
         own = {}
         for i in hulls:
@@ -171,5 +174,8 @@ def _add_fingers(
             if i in own or j in own:
                 a, b = (own.get(h, shapes.by_hull[h]) for h in (i, j))
                 model.keep_apart([a], [b], SELF_CLEARANCE, phases)
-        found.append(Part(tuple(own.values()), hull_set([model.hulls[s] for s in own.values()]), phases))
-    return tuple(found)
+        for kind, touches in ((fingers, True), (linkage, False)):
+            numbers = tuple(number for i, number in own.items() if arm.hulls[i].finger == touches)
+            if numbers:
+                kind.append(Part(numbers, hull_set([model.hulls[s] for s in numbers]), phases))
+    return tuple(fingers), tuple(linkage)

@@ -103,7 +103,7 @@ def _resolution(opening: np.ndarray) -> float:
 
 
 def _model(kinematics: KinematicModel, robot: str, bodies: Mapping[str, Body], openings: np.ndarray) -> CollisionModel:
-    """The links of an arm and, in phase k, its fingers at the k-th opening, kept away from the bodies."""
+    """The links of an arm, what moves with its gripper in phase k at the k-th opening, kept away from the bodies."""
     model, margin = CollisionModel(), ROBOT_CLEARANCE + 0.5 * STEP
     others = []
     for body in bodies.values():
@@ -116,9 +116,10 @@ def _model(kinematics: KinematicModel, robot: str, bodies: Mapping[str, Body], o
         if hull.frame == 0:
             continue
         frame, name = kinematics.frame(robot, hull.frame), f"{robot}/{hull.link}"
-        for k, opening in enumerate(openings if hull.finger else openings[:1]):
+        moves = hull.motion is not None
+        for k, opening in enumerate(openings if moves else openings[:1]):
             number = model.add(name, hull.at(opening), hull.radius, frame, hull.sphere_at(opening))
-            model.keep_apart([number], others, margin, 1 << k if hull.finger else -1)
+            model.keep_apart([number], others, margin, 1 << k if moves else -1)
     return model
 
 

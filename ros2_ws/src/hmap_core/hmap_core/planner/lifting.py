@@ -16,7 +16,7 @@ from hmap_core.contacts.hold import turning_share
 from hmap_core.contacts.push import Slide
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.planner.interfaces import RobotContact
-from hmap_core.transforms import rotation_matrix
+from hmap_core.transforms import multiply, pose, rotation_matrix
 from hmap_core.types import Body, ContactKind, ContactPoint, Scene, SceneState
 from hmap_core.waypoints import DEFAULT_MARGIN, ObjectPathProblem
 from hmap_core.waypoints.checker import Geometry, ObjectChecker
@@ -45,8 +45,9 @@ def lifted(
     if own.kind != ContactKind.GRASP or gripper is None or scene.robots[contact.robot].model.held is not None:
         return contact, poses
     head, tail = _low(poses), _low(poses[::-1])
-    flies = np.ptp(poses[:, 2]) > LIFT
-    if not (flies or drag_tips(body, own, poses[:head]) or drag_tips(body, own, poses[::-1][:tail][::-1])):
+    flies, pads = np.ptp(poses[:, 2]) > LIFT, gripper.reach_at(own.opening)
+    ends = poses[:head], poses[::-1][:tail][::-1]
+    if not (flies or any(drag_tips(body, own, end, pads) for end in ends)):
         return contact, poses
     if turning_share(body, [own], gripper, rotation_matrix(poses[0])[2])[0] > turning:
         return contact, poses
@@ -66,14 +67,17 @@ def lifted(
     return contact, poses
 
 
-def drag_tips(body: Body, contact: ContactPoint, poses: np.ndarray) -> bool:
-    """Whether a body that is dragged by a grasp over its support, along poses (M, 7), tips in the hand."""
+def drag_tips(body: Body, contact: ContactPoint, poses: np.ndarray, pads: float = 0.0) -> bool:
+    """Whether a body that is dragged by a grasp over its support, along poses (M, 7), tips in the hand.
+
+    The pads are ``pads`` metres along the approach from the end-effector frame.
+    """
     if len(poses) < 2:
         return False
     slide = Slide(body, poses[0])
     if not slide.footprint:
         return False
-    grip = slide.level @ contact.T_obj_ee[:3]
+    grip = slide.level @ multiply(contact.T_obj_ee, pose((0.0, 0.0, pads)))[:3]
     closing = slide.level @ rotation_matrix(contact.T_obj_ee)[:, 1]
     corners = np.concatenate(slide.footprint) - grip[:2]
     for twists in slide.twists(poses):

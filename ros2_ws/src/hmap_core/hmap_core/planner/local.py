@@ -11,7 +11,7 @@ from hmap_core.contacts.access import accessible
 from hmap_core.contacts.camera import Cloud, visible_points
 from hmap_core.contacts.candidates import Situation
 from hmap_core.contacts.feasibility import CHUNK, feasible_contacts, promising, reach_bounds, reachable
-from hmap_core.contacts.hand import hand_of
+from hmap_core.contacts.hand import hand_of, seated
 from hmap_core.contacts.hold import pad_balance, pushing_share, turning_share
 from hmap_core.contacts.proposer import NoProposer, Proposer
 from hmap_core.contacts.sampler import sample_contacts
@@ -366,7 +366,9 @@ class LocalBackend:
                     batch = [c for c, used in zip(batch, share, strict=True) if used <= TURNING_SHARE]
                 elif hand.gripper is not None:
                     even = pad_balance(body, batch, hand.gripper)
-                    batch = [c for c, share in zip(batch, even, strict=True) if share >= PAD_BALANCE]
+                    batch = seated(
+                        [c for c, share in zip(batch, even, strict=True) if share >= PAD_BALANCE], hand.gripper
+                    )
                 yield batch
                 if total >= MAX_CANDIDATES:
                     break

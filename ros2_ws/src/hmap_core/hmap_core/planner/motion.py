@@ -61,7 +61,6 @@ FREE_SPEED, FREE_ACCELERATION = 0.6, 0.3
 HOLD_SPEED, HOLD_ACCELERATION = 0.2, 0.05
 CARRY_SPEED, CARRY_ACCELERATION = 0.3, 0.08  # through the air with a tool in the hand
 STANDING_DEPTH = 0.001  # m that a robot may stand inside of something when a plan begins
-GRIPPER_SPEED = 0.1  # m/s of the opening
 LIFTS = (0.06, 0.03, 0.015)  # m that what was taken is lifted by, where there is room
 LIFT_STEP = 0.01  # m between two postures of that
 SAME_OPENING = 1e-9  # m
@@ -560,8 +559,8 @@ class _Segment:
     def _coming(self, path: np.ndarray) -> _Piece:
         free, held = self._openings()
         q = _timed_free(self.scene, self.robot, path)
-        opened = _ramp(self.state.gripper[self.robot], free)
-        closed = _ramp(free, held)
+        opened = self._ramp(self.state.gripper[self.robot], free)
+        closed = self._ramp(free, held)
         coming = np.concatenate([np.repeat(q[:1], len(opened), 0), q, np.repeat(q[-1:], len(closed), 0)])
         return _Piece(self.robot, coming, np.concatenate([opened, np.full(len(q), free), closed]))
 
@@ -578,9 +577,17 @@ class _Segment:
     def _leaving(self, path: np.ndarray) -> _Piece:
         free, held = self._openings()
         q = _timed_free(self.scene, self.robot, path)
-        released = _ramp(held, free)
+        released = self._ramp(held, free)
         leaving = np.concatenate([np.repeat(q[:1], len(released), 0), q])
         return _Piece(self.robot, leaving, np.concatenate([released, np.full(len(q), free)]))
+
+    def _ramp(self, a: float, b: float) -> np.ndarray:
+        """Openings (N,) from a to b at the gripper's speed, then at rest while it settles; nothing where a is b."""
+        if abs(a - b) < SAME_OPENING:
+            return np.zeros(0)
+        gripper = self.scene.robots[self.robot].model.gripper
+        moving = int(np.ceil(abs(b - a) / gripper.speed / SAMPLE_PERIOD))
+        return np.concatenate([np.linspace(a, b, moving + 1), np.full(int(SETTLE / SAMPLE_PERIOD), b)])
 
 
 def _thinned(object_poses: np.ndarray, keyframes: np.ndarray, fineness: float) -> tuple[np.ndarray, np.ndarray]:
@@ -593,14 +600,6 @@ def _thinned(object_poses: np.ndarray, keyframes: np.ndarray, fineness: float) -
     keep = np.unique(np.searchsorted(size, np.linspace(0.0, size[-1], count) - 1e-9).clip(0, len(size) - 1))
     keep[-1] = len(size) - 1
     return object_poses[keep], keyframes[: len(object_poses)][keep]
-
-
-def _ramp(a: float, b: float) -> np.ndarray:
-    """Openings (N,) from a to b at the gripper's speed, then at rest while it settles; nothing where a is b."""
-    if abs(a - b) < SAME_OPENING:
-        return np.zeros(0)
-    moving = int(np.ceil(abs(b - a) / GRIPPER_SPEED / SAMPLE_PERIOD))
-    return np.concatenate([np.linspace(a, b, moving + 1), np.full(int(SETTLE / SAMPLE_PERIOD), b)])
 
 
 def _assembled(scene: Scene, state: SceneState, pieces: list[_Piece]) -> SegmentMotion:

@@ -77,12 +77,12 @@ def robot_sweeps(robot: Robot, q: np.ndarray, openings: np.ndarray, base: bool =
         hulls = [h for h in arm.hulls if h.frame == frame]
         in_base = np.concatenate([p[:, frame], quaternions(R[:, frame])], axis=1)
         places = multiply_all(robot.base_pose, in_base)
-        fixed = [h for h in hulls if not h.slide.any()]
+        fixed = [h for h in hulls if h.motion is None]
         if fixed:
             sweeps.append(Sweep(_link_set(fixed, 0.0), places))
-        sliding = [h for h in hulls if h.slide.any()]
-        for opening in np.unique(openings) if sliding else ():
-            sweeps.append(Sweep(_link_set(sliding, opening), places[openings == opening]))
+        moving = [h for h in hulls if h.motion is not None]
+        for opening in np.unique(openings) if moving else ():
+            sweeps.append(Sweep(_link_set(moving, opening), places[openings == opening]))
     return sweeps
 
 

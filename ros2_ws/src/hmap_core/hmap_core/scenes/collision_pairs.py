@@ -2,16 +2,19 @@
 
 Over random configurations within the joint limits (and random gripper openings), a pair is ignored when its links are
 adjacent, when they overlap in every configuration, or when they never come nearer than ``FAR``. Links without shape are
-left out; links joined through one without shape are adjacent. The two fingers of a gripper may meet and are ignored.
+left out; links joined through one without shape are adjacent. What moves with the gripper may meet its other parts, the
+hand included: these pairs are ignored as ``gripper``.
 """
 
 import argparse
 import itertools
+from xml.etree import ElementTree
 
 import numpy as np
 import pybullet
 
 from hmap_core.scenes.robots import load_robot_model
+from hmap_core.scenes.urdf import joint_tree
 from hmap_core.types import RobotModel
 
 FAR = 0.02  # m; nearer than this in no sample: never in collision
@@ -19,7 +22,7 @@ SAMPLES = 10_000
 
 
 def ignored_pairs(model: RobotModel, samples: int, rng: np.random.Generator) -> dict[tuple[str, str], str]:
-    """Pairs of link names to ignore, and why: ``adjacent``, ``always`` or ``never``."""
+    """Pairs of link names to ignore, and why: ``adjacent``, ``always``, ``never`` or ``gripper``."""
     client = pybullet.connect(pybullet.DIRECT)
     try:
         return _Sampler(client, model).run(samples, rng)
@@ -40,6 +43,8 @@ class _Sampler:
             self._joints[info[1].decode()] = j
             self._links[info[12].decode()] = j
             self._parent[j] = info[16]
+        self._tree = joint_tree(ElementTree.parse(model.urdf).getroot())
+        self._hand = [j for j in self._links.values() if self._behind(self._joints[model.joint_names[-1]], j)]
 
     def run(self, samples: int, rng: np.random.Generator) -> dict[tuple[str, str], str]:
         solid = [n for n, j in self._links.items() if pybullet.getCollisionShapeData(self._body, j, self._client)]
@@ -50,13 +55,20 @@ class _Sampler:
             self._pose(rng)
             row[:] = [self._distance(*pair) for pair in unknown]
         for pair, column in zip(unknown, distances.T, strict=True):
-            pairs[pair] = "always" if column.max() < 0.0 else "never" if column.min() >= FAR else None
+            own = "gripper" if all(self._links[link] in self._hand for link in pair) else None
+            pairs[pair] = "always" if column.max() < 0.0 else "never" if column.min() >= FAR else own
         return {pair: reason for pair, reason in pairs.items() if reason is not None}
 
     def _known(self, a: str, b: str) -> str | None:
         fingers = self._model.gripper.finger_links if self._model.gripper else ()
         adjacent = self._links[a] in self._ancestors(b) or self._links[b] in self._ancestors(a)
         return "adjacent" if adjacent or (a in fingers and b in fingers) else None
+
+    def _behind(self, joint: int, link: int) -> bool:
+        """Whether a joint carries a link."""
+        while link != -1 and link != joint:
+            link = self._parent[link]
+        return link == joint
 
     def _ancestors(self, link: str) -> list[int]:
         """The nearest ancestor that has a shape, and those without shape before it."""
@@ -73,7 +85,10 @@ class _Sampler:
         if self._model.gripper:
             gripper = self._model.gripper
             opening = rng.uniform(gripper.min_opening, gripper.open_opening)
-            values |= dict.fromkeys(gripper.joint_names, opening * gripper.per_joint)
+            values |= dict(zip(gripper.joint_names, gripper.joints(opening), strict=True))
+            for driver in gripper.joint_names:
+                for name, (factor, offset) in self._tree.followers(driver).items():
+                    values[name] = factor * values[driver] + offset
         for name, value in values.items():
             pybullet.resetJointState(self._body, self._joints[name], value, physicsClientId=self._client)
 

@@ -35,6 +35,14 @@ def _number(value: Any, info: ValidationInfo) -> float:
     return value
 
 
+def _one_or_each(value: Any, info: ValidationInfo) -> float | list[float]:
+    if isinstance(value, list):
+        return [_number(entry, info) for entry in value]
+    if value is None or isinstance(value, dict):
+        raise PydanticCustomError("number", "must be a number, or a list with one for each of the joints")
+    return _number(value, info)
+
+
 def _list_of(count: int, meaning: str) -> BeforeValidator:
     def check(value: Any) -> Any:
         if not isinstance(value, list | tuple) or len(value) != count:
@@ -47,6 +55,11 @@ def _list_of(count: int, meaning: str) -> BeforeValidator:
 
 
 Number = Annotated[float, BeforeValidator(_number), WithJsonSchema(_NUMBER_SCHEMA)]
+OneOrEach = Annotated[
+    Any,
+    BeforeValidator(_one_or_each),
+    WithJsonSchema({"anyOf": [*_NUMBER_SCHEMA["anyOf"], {"type": "array", "items": _NUMBER_SCHEMA, "minItems": 1}]}),
+]  # a number for all of some joints, or a list with one for each
 Positive = Annotated[Number, Field(gt=0.0)]
 NonNegative = Annotated[Number, Field(ge=0.0)]
 Size = Annotated[Number, Field(ge=MIN_SIZE, le=MAX_SIZE)]

@@ -73,8 +73,8 @@ def _robot_dict(robot: Robot) -> dict[str, Any]:
     model = robot.model
     gripper = None
     if model.gripper is not None:
-        gripper = {field.name: getattr(model.gripper, field.name) for field in fields(Gripper)}
-        gripper |= {key: list(gripper[key]) for key in ("joint_names", "finger_links")}
+        values = {field.name: getattr(model.gripper, field.name) for field in fields(Gripper)}
+        gripper = {key: _plain(value) for key, value in values.items()}
     return {
         "model": model.name,
         "urdf": model.urdf_uri,
@@ -91,6 +91,13 @@ def _robot_dict(robot: Robot) -> dict[str, Any]:
         "gripper": gripper,
         "simulation": model.simulation,
     } | ({} if model.held is None else {"held": _held_dict(model.held)})
+
+
+def _plain(value: Any) -> Any:
+    """A value of a gripper for JSON; what was computed is rounded."""
+    if isinstance(value, tuple):
+        return [_plain(entry) for entry in value]
+    return _rounded(value) if isinstance(value, float) else value
 
 
 def _held_dict(held: HeldBody) -> dict[str, Any]:
@@ -165,7 +172,7 @@ def _robot(name: str, data: RobotData) -> Robot:
     gripper = None
     if data.gripper is not None:
         values = data.gripper.model_dump()
-        gripper = Gripper(**values | {key: tuple(values[key]) for key in ("joint_names", "finger_links")})
+        gripper = Gripper(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
     model = RobotModel(
         name=data.model,
         urdf=resources.resolve(data.urdf, Path()),

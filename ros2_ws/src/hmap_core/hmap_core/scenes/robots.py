@@ -1,7 +1,8 @@
 """Robot files: what a URDF does not say about an arm."""
 
-import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -9,10 +10,11 @@ from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes import resources
 from hmap_core.scenes.document import Document, Location, read
 from hmap_core.scenes.fields import nearest
+from hmap_core.scenes.grippers import build_gripper
 from hmap_core.scenes.parameters import draw
-from hmap_core.scenes.schema import GripperEntry, RobotFile
+from hmap_core.scenes.schema import RobotFile
 from hmap_core.scenes.validate import validate
-from hmap_core.types import Gripper, RobotModel
+from hmap_core.types import RobotModel
 
 
 def list_robots() -> list[str]:
@@ -45,7 +47,8 @@ def _build(document: Document, entry: RobotFile) -> RobotModel:
         urdf = resources.resolve(entry.urdf, document.path.parent)
     except InputError as error:
         raise document.error(("urdf",), error.reason) from error
-    _check_names(document, entry, urdf)
+    root = _root(document, urdf)
+    _check_names(document, entry, urdf, root)
     lower, upper = entry.position_limits.lower, entry.position_limits.upper
     arrays = {
         ("home",): entry.home,
@@ -73,24 +76,16 @@ def _build(document: Document, entry: RobotFile) -> RobotModel:
         position_limits=np.array([lower, upper]),
         velocity_limits=np.array(entry.velocity_limits),
         acceleration_limits=np.array(entry.acceleration_limits),
-        gripper=_gripper(document, entry.gripper) if entry.gripper else None,
+        gripper=build_gripper(document, entry, urdf, root) if entry.gripper else None,
         ignored_collisions=tuple((first, second) for first, second in entry.ignored_collisions),
         simulation=entry.simulation,
     )
 
 
-def _gripper(document: Document, entry: GripperEntry) -> Gripper:
-    if not entry.min_opening < entry.max_opening <= entry.open_opening:
-        raise document.error(
-            ("gripper", "max_opening"), f"must be above min_opening, {entry.min_opening}, and at most open_opening"
-        )
-    values = entry.model_dump(exclude={"joints", "finger_links"})
-    return Gripper(joint_names=tuple(entry.joints), finger_links=tuple(entry.finger_links), **values)
-
-
-def _check_names(document: Document, entry: RobotFile, urdf: Path) -> None:
+def _check_names(document: Document, entry: RobotFile, urdf: Path, root: Element) -> None:
     """Every joint and link that the robot file names is in its URDF."""
-    joints, links = _urdf_names(document, urdf)
+    joints = [joint.get("name", "") for joint in root.findall("joint") if joint.get("type") != "fixed"]
+    links = [link.get("name", "") for link in root.findall("link")]
     named: list[tuple[Location, str, list[str]]] = [
         *((("joints", i), name, joints) for i, name in enumerate(entry.joints)),
         (("end_effector", "link"), entry.end_effector.link, links),
@@ -108,11 +103,9 @@ def _check_names(document: Document, entry: RobotFile, urdf: Path) -> None:
             raise document.error(("joints", i), "is named twice")
 
 
-def _urdf_names(document: Document, urdf: Path) -> tuple[list[str], list[str]]:
-    """Names of the movable joints and of the links of a URDF."""
+def _root(document: Document, urdf: Path) -> Element:
+    """The root element of a URDF."""
     try:
-        root = ElementTree.parse(urdf).getroot()
+        return ElementTree.parse(urdf).getroot()
     except (ElementTree.ParseError, ValueError) as error:
         raise document.error(("urdf",), f"is not a URDF: {error}") from error
-    joints = [joint.get("name", "") for joint in root.findall("joint") if joint.get("type") != "fixed"]
-    return joints, [link.get("name", "") for link in root.findall("link")]

@@ -1,5 +1,6 @@
 """The JSON form of an instantiated scene, as models that check it. ``docs/plan_file.md`` describes the keys."""
 
+from itertools import pairwise
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -10,7 +11,7 @@ from hmap_core.scenes.arrays import PoseVector, Vector, array_of
 from hmap_core.scenes.document import key_text
 from hmap_core.scenes.schema import SIZES
 from hmap_core.transforms import IDENTITY
-from hmap_core.types import BodyKind, ShapeKind, TaskMode
+from hmap_core.types import GRIPPER_SPEED, BodyKind, ShapeKind, TaskMode
 
 Extent = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 Amount = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
@@ -84,10 +85,10 @@ class BodyData(Data):
 
 
 class GripperData(Data):
-    """A parallel gripper; lengths in metres, force in newtons."""
+    """A gripper of two fingers; lengths in metres, force in newtons, speed in metres per second."""
 
     joint_names: list[str]
-    per_joint: Real
+    per_joint: Real | list[Real]
     finger_links: list[str]
     min_opening: Real
     max_opening: Real
@@ -95,6 +96,24 @@ class GripperData(Data):
     tip_offset: Real
     pad_half_width: Real
     force: Real
+    at_zero: Real | list[Real] = 0.0
+    openings: list[Real] = []
+    tips: list[Real] = []
+    speed: Extent = GRIPPER_SPEED
+
+    @model_validator(mode="after")
+    def _fits(self) -> "GripperData":
+        for key in ("per_joint", "at_zero"):
+            value = getattr(self, key)
+            if isinstance(value, list) and len(value) != len(self.joint_names):
+                problem = "{key} must be one number, or one for each of the {n} joints"
+                raise PydanticCustomError("length", problem, {"key": key, "n": len(self.joint_names)})
+        if len(self.openings) == 1 or any(b <= a for a, b in pairwise(self.openings)):
+            raise PydanticCustomError("openings", "openings must be two or more that increase, or none")
+        if self.tips and len(self.tips) != len(self.openings):
+            problem = "tips has {m} numbers; openings has {n}"
+            raise PydanticCustomError("length", problem, {"m": len(self.tips), "n": len(self.openings)})
+        return self
 
 
 class HeldData(Data):

@@ -12,6 +12,7 @@ from hmap_core.scenes.fields import (
     Name,
     NonNegative,
     Number,
+    OneOrEach,
     Positive,
     Quaternion,
     Rgba,
@@ -260,17 +261,46 @@ class Limits(Strict):
 
 
 class GripperEntry(Strict):
-    """A parallel gripper; openings are gaps between the pads in metres."""
+    """A gripper of two fingers; openings are gaps between the pads in metres.
+
+    Either ``per_joint``, for joints that move in proportion to the opening, or ``closed`` and ``open``, from which the
+    openings on the way are computed.
+    """
 
     joints: Annotated[list[str], Field(min_length=1)]
-    per_joint: Positive
+    per_joint: OneOrEach = None
+    at_zero: OneOrEach = None
+    closed: OneOrEach = None
+    open: OneOrEach = None
     finger_links: Annotated[list[str], Field(min_length=1)]
-    min_opening: NonNegative = 0.0
-    max_opening: Positive
-    open_opening: Positive
-    tip_offset: NonNegative
+    min_opening: NonNegative | None = None
+    max_opening: Positive | None = None
+    open_opening: Positive | None = None
+    tip_offset: NonNegative | None = None
     pad_half_width: Positive
     force: Positive
+    speed: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_way_to_move(self) -> "GripperEntry":
+        turning = self.closed is not None or self.open is not None
+        if turning == (self.per_joint is not None) or turning and None in (self.closed, self.open):
+            raise PydanticCustomError("gripper", "give per_joint, or closed and open")
+        if turning and self.at_zero is not None:
+            raise PydanticCustomError("gripper", "goes with per_joint, not with closed and open", {"key": "at_zero"})
+        if not turning and None in (self.max_opening, self.open_opening):
+            raise PydanticCustomError("gripper", "with per_joint, max_opening and open_opening are needed")
+        for key in ("per_joint", "at_zero", "closed", "open"):
+            value = getattr(self, key)
+            if isinstance(value, list) and len(value) != len(self.joints):
+                problem = "has {n} numbers; joints has {joints}"
+                context = {"key": key, "n": len(value), "joints": len(self.joints)}
+                raise PydanticCustomError("gripper", problem, context)
+        if not turning and 0.0 in np.atleast_1d(self.per_joint):
+            raise PydanticCustomError("gripper", "must not be 0: every joint has to move", {"key": "per_joint"})
+        if turning and np.any(np.equal(self.closed, self.open)):
+            raise PydanticCustomError("gripper", "must differ from closed: every joint has to move", {"key": "open"})
+        return self
 
 
 class RobotFile(Strict):

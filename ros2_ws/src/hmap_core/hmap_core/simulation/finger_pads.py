@@ -1,4 +1,4 @@
-"""Flat pads on the inner faces of sliding fingers, as spheres side by side.
+"""Flat pads on the inner faces of fingers that stay parallel, as spheres side by side.
 
 Scanned finger meshes are uneven by a tenth of a millimetre, and for contacts of their convex hulls Bullet finds normals
 that point along the face, which turn what is held and keep it from being let go. So it does, more seldom, for boxes on
@@ -12,7 +12,7 @@ import numpy as np
 import trimesh
 
 from hmap_core.kinematics.urdf import Urdf, load_urdf
-from hmap_core.transforms import rotation_matrix
+from hmap_core.transforms import to_matrix
 from hmap_core.types import RobotModel
 
 FACE = 3e-4  # m; vertices of a finger this near to the foremost one are of its inner face
@@ -20,11 +20,14 @@ FULL_WIDTH = 0.9  # of the pads' half width; beyond, a vertex is at a side of th
 RADIUS = 0.001  # m of the spheres that make a pad
 SPREAD = (-1.0, 0.0, 1.0)  # where they touch, as shares of the pad's halves
 RECESS = 2e-3  # m by which the hull is cut off behind the face of its pad: Bullet's hulls are 1 mm larger all round
+TAPER = 0.05  # of linkages: of faces that are nearly parallel, Bullet may find that what is before one is behind it
 LEAST = 1e-3  # m; smaller faces get no pad
+DIGITS = 12  # of a transform that are more than rounding
+PARALLEL = 0.02  # rad; fingers that turn more between closed and open get no pads
 
 
 def with_pads(model: RobotModel, folder: Path) -> Path:
-    """A URDF with pads on its fingers, written to a folder; the model's own where its fingers do not slide."""
+    """A URDF with pads on its fingers, written to a folder; the model's own where its fingers do not stay parallel."""
     gripper = model.gripper
     if gripper is None or model.urdf.suffix != ".urdf":
         return model.urdf
@@ -38,41 +41,60 @@ def with_pads(model: RobotModel, folder: Path) -> Path:
     for link in tree.getroot().findall("link"):
         if link.get("name") in pads:
             name = link.get("name")
-            _replace(link, urdf.hulls[name], pads[name], folder / f"{name}.obj")
+            _replace(link, urdf.hulls[name], pads[name], folder / f"{name}.obj", TAPER if gripper.openings else 0.0)
     path = folder / f"{model.name}.urdf"
+    ElementTree.indent(tree)  # Bullet's reader breaks long lines, also within a number
     tree.write(path)
     return path
 
 
 def _pad(urdf: Urdf, model: RobotModel, link: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
     """Width and height (2,), centre (3,) and axes (3, 3) of a finger's pad, and where (3,) it opens to, link frame."""
-    joint = urdf.joints.get(link)
-    if joint is None or joint.kind != "prismatic" or joint.parent != model.end_effector_link:
+    gripper = model.gripper
+    if not urdf.hulls[link]:
         return None
-    opening = np.sign(model.gripper.per_joint) * joint.axis
-    along = rotation_matrix(joint.T_parent_joint).T @ rotation_matrix(model.T_link_ee)[:, 2]
+    closed, opened = (_in_end_effector(urdf, model, link, at) for at in (gripper.min_opening, gripper.open_opening))
+    if np.trace(closed[:3, :3].T @ opened[:3, :3]) < 1.0 + 2.0 * np.cos(PARALLEL):
+        return None
+    side = np.sign(opened[1, 3] - closed[1, 3])
+    if side == 0.0:  # a jaw that stands still
+        side = np.sign(np.concatenate([points for points, _ in urdf.hulls[link]]).mean(axis=0) @ closed[1, :3])
+    opening, along = side * closed[1, :3], closed[2, :3]
     axes = np.stack([np.cross(opening, along), opening, along], axis=1)
+    middle = -closed[:3, 3] @ closed[:3, :3] @ axes[:, 0]  # of the hand, across
     vertices = np.concatenate([points for points, _ in urdf.hulls[link]]) @ axes
     inner = vertices[vertices[:, 1] <= vertices[:, 1].min() + FACE]
-    half = model.gripper.pad_half_width
-    sides = inner[np.abs(inner[:, 0]) >= FULL_WIDTH * half]
+    half, across = gripper.pad_half_width, inner[:, 0] - middle
+    wide = np.abs(across) >= FULL_WIDTH * half
+    sides, across = inner[wide], across[wide]
     if not len(sides) or np.ptp(sides[:, 2]) < LEAST:
         return None
     low = sides[:, 2].min()
-    top = min(sides[sides[:, 0] * side > 0.0, 2].max(initial=low) for side in (1.0, -1.0))
+    top = min(sides[across * end > 0.0, 2].max(initial=low) for end in (1.0, -1.0))
     if top - low < LEAST:
         return None
-    centre = axes @ [0.0, np.median(inner[:, 1]) + RADIUS, (low + top) / 2.0]
+    centre = axes @ [middle, np.median(inner[:, 1]) + RADIUS, (low + top) / 2.0]
     return np.array([2.0 * half, top - low]), centre, axes, opening
 
 
-def _replace(link: ElementTree.Element, hulls, pad, file: Path) -> None:
-    """Give a link its hull, cut off behind its pad and written to ``file``, and the pad as collision shapes."""
+def _in_end_effector(urdf: Urdf, model: RobotModel, link: str, opening: float) -> np.ndarray:
+    """A link's frame (4, 4) in the end-effector's at an opening (m)."""
+    values = dict(zip(model.gripper.joint_names, model.gripper.joints(opening), strict=True))
+    T_root_ee = urdf.tree.pose(model.end_effector_link, values) @ to_matrix(model.T_link_ee)
+    return np.round(np.linalg.inv(T_root_ee) @ urdf.tree.pose(link, values), DIGITS)
+
+
+def _replace(link: ElementTree.Element, hulls, pad, file: Path, taper: float) -> None:
+    """Give a link its hull, cut off behind its pad and written to ``file``, and the pad as collision shapes.
+
+    The cut recedes from the pad by ``taper`` metres for each from the finger's end.
+    """
     size, centre, axes, opening = pad
     for collision in link.findall("collision"):
         link.remove(collision)
     vertices = np.concatenate([points for points, _ in hulls])
-    missing = centre @ opening - RADIUS + RECESS - vertices @ opening
+    up = centre @ axes[:, 2] - vertices @ axes[:, 2]  # from the pad's middle towards the hand
+    missing = centre @ opening - RADIUS + RECESS + taper * (up - up.min()) - vertices @ opening
     trimesh.PointCloud(vertices + np.outer(np.maximum(missing, 0.0), opening)).convex_hull.export(file)
     hull = ElementTree.SubElement(link, "collision")
     ElementTree.SubElement(ElementTree.SubElement(hull, "geometry"), "mesh", filename=str(file))

@@ -9,6 +9,7 @@ import pybullet
 
 from hmap_core import transforms
 from hmap_core.exceptions import InputError
+from hmap_core.kinematics.urdf import load_urdf
 from hmap_core.simulation.client import BulletClient
 from hmap_core.simulation.finger_pads import with_pads
 from hmap_core.simulation.settings import RobotSettings
@@ -51,10 +52,11 @@ class SimulatedRobot:
         self._ee_link = self._link(self.model.end_effector_link)
         gripper = self.model.gripper
         self._fingers = [self._joint(name) for name in gripper.joint_names] if gripper else []
+        self._followers = self._find_followers()
         self.finger_links = [self._link(name) for name in gripper.finger_links] if gripper else []
         self._arm_forces = self._forces()
         self._prepare_fingers()
-        self._gripper_command = (float("nan"), float("nan"))
+        self._gripper_command: tuple = ()
         self.place(robot.q, gripper.open_opening if gripper else 0.0)
 
     def place(self, q: np.ndarray, opening: float) -> None:
@@ -63,8 +65,12 @@ class SimulatedRobot:
             raise InputError(f"robot '{self.robot.name}': a configuration has {len(self._arm)} finite values, not {q}")
         for joint, value in zip(self._arm, q, strict=True):
             self._client.resetJointState(self.id, joint, float(value), 0.0)
-        for joint in self._fingers:
-            self._client.resetJointState(self.id, joint, self._finger_position(opening), 0.0)
+        if self._fingers:
+            positions = self._finger_positions(opening)
+            for joint, value in zip(self._fingers, positions, strict=True):
+                self._client.resetJointState(self.id, joint, value, 0.0)
+            for joint, driver, factor, offset in self._followers:
+                self._client.resetJointState(self.id, joint, factor * positions[driver] + offset, 0.0)
         self.set_joint_targets(q, np.zeros(len(self._arm)))
         if self._fingers:
             self.set_gripper(opening, self.settings.finger_force)
@@ -92,17 +98,19 @@ class SimulatedRobot:
             raise InputError(f"robot '{self.robot.name}' has no gripper to open to {opening} m")
         if not (np.isfinite(opening) and np.isfinite(force)):
             raise InputError(f"robot '{self.robot.name}': gripper opening {opening} m, force {force} N: not finite")
-        if (opening, force) == self._gripper_command:
+        rates = tuple(map(abs, self._slopes()))
+        command = (opening, force, rates)
+        if command == self._gripper_command:
             return  # the motors keep their targets
-        self._gripper_command = (opening, force)
-        for joint in self._fingers:
+        self._gripper_command = command
+        for joint, target, rate in zip(self._fingers, self._finger_positions(opening), rates, strict=True):
             self._client.setJointMotorControl2(
                 self.id,
                 joint,
                 pybullet.POSITION_CONTROL,
-                targetPosition=self._finger_position(opening),
-                force=force,
-                maxVelocity=self.settings.finger_speed,
+                targetPosition=target,
+                force=force / rate / len(self._fingers),  # the work of all joints is that of the pads
+                maxVelocity=self.settings.finger_speed * 2.0 * rate,  # half of the gap's is each finger's
             )
 
     def joint_states(self) -> JointStates:
@@ -118,13 +126,15 @@ class SimulatedRobot:
         return np.array([s[0] for s in states]), np.array([s[1] for s in states])
 
     def gripper_state(self) -> tuple[float, float, float]:
-        """Opening (m), its velocity (m/s) and the mean effort of the fingers (N); zeros without a gripper."""
+        """Opening (m), its velocity (m/s) and the force of the pads (N) by the motors; zeros without a gripper."""
         if not self._fingers:
             return 0.0, 0.0, 0.0
         states = self._client.getJointStates(self.id, self._fingers)
-        per_joint = self.model.gripper.per_joint
-        position, velocity, effort = (sum(s[i] for s in states) / len(states) for i in (0, 1, 3))
-        return float(position / per_joint), float(velocity / per_joint), float(effort)
+        opening = self.model.gripper.opening_at([state[0] for state in states])
+        slopes = self.model.gripper.joints_per_opening(opening)
+        velocity = sum(state[1] / slope for state, slope in zip(states, slopes, strict=True)) / len(states)
+        effort = sum(state[3] * slope for state, slope in zip(states, slopes, strict=True))
+        return opening, float(velocity), float(effort)
 
     def end_effector_pose(self) -> np.ndarray:
         """``T_world_ee`` (7,)."""
@@ -172,7 +182,7 @@ class SimulatedRobot:
         return list(forces)
 
     def _prepare_fingers(self) -> None:
-        s = self.settings
+        s, gripper = self.settings, self.model.gripper
         for link in self.finger_links:
             self._client.changeDynamics(
                 self.id,
@@ -184,13 +194,59 @@ class SimulatedRobot:
                 contactDamping=s.finger_damping,
                 frictionAnchor=1,
             )
-        if len(self._fingers) == 2:
-            # without it the object pushes one finger open while the other closes
-            gear = self._client.createConstraint(
-                self.id, self._fingers[0], self.id, self._fingers[1], pybullet.JOINT_GEAR, [1, 0, 0], [0] * 3, [0] * 3
-            )
-            self._client.changeConstraint(gear, gearRatio=-1, erp=s.finger_gear_erp, maxForce=s.finger_gear_force)
+        if gripper is None:
+            return
+        if gripper.openings:
+            self._weigh_linkage()
+        for joint, driver, factor, offset in self._followers:
+            self._client.setJointMotorControl2(self.id, joint, pybullet.VELOCITY_CONTROL, force=0.0)
+            self._couple(self._fingers[driver], joint, factor, offset)
+        # without it the object pushes one finger open while the other closes
+        start, slope = (np.broadcast_to(v, len(self._fingers)) for v in (gripper.at_zero, gripper.per_joint))
+        for k in range(1, len(self._fingers)):
+            factor = slope[k] / slope[0]
+            self._couple(self._fingers[0], self._fingers[k], factor, start[k] - factor * start[0])
 
-    def _finger_position(self, opening: float) -> float:
-        lower, upper = self._limits[self._fingers[0]]
-        return float(np.clip(opening * self.model.gripper.per_joint, lower, upper))
+    def _weigh_linkage(self) -> None:
+        """Give the links of a linkage the inertia that the solver needs to keep it together under load."""
+        for joint in (*self._fingers, *(joint for joint, *_ in self._followers)):
+            own = self._client.getDynamicsInfo(self.id, joint)[2]
+            heavier = [max(value, self.settings.linkage_inertia) for value in own]
+            self._client.changeDynamics(self.id, joint, localInertiaDiagonal=heavier)
+
+    def _couple(self, driver: int, joint: int, factor: float, offset: float) -> None:
+        """Keep a joint at ``factor`` (not 0) times another one, and ``offset``."""
+        gear = self._client.createConstraint(
+            self.id, driver, self.id, joint, pybullet.JOINT_GEAR, [1, 0, 0], [0] * 3, [0] * 3
+        )
+        self._client.changeConstraint(
+            gear,
+            gearRatio=-1.0 / factor,
+            relativePositionTarget=-offset / factor,
+            erp=self.settings.finger_gear_erp,
+            maxForce=self.settings.finger_gear_force,
+        )
+
+    def _find_followers(self) -> list[tuple[int, int, float, float]]:
+        """Joints that mimic one of the fingers': the joint, the finger's number, factor and offset."""
+        gripper = self.model.gripper
+        tree = load_urdf(self.model.urdf).tree if gripper else None
+        return [
+            (self._joint(name), number, factor, offset)
+            for number, driver in enumerate(gripper.joint_names if gripper else ())
+            for name, (factor, offset) in tree.followers(driver).items()
+            if name not in gripper.joint_names and factor != 0.0
+        ]
+
+    def _slopes(self) -> tuple[float, ...]:
+        """How much the finger joints (k,) move for each metre of opening where they are now."""
+        gripper = self.model.gripper
+        return gripper.joints_per_opening(self.gripper_state()[0] if gripper.openings else 0.0)
+
+    def _finger_positions(self, opening: float) -> list[float]:
+        """Where the finger joints (k,) are at an opening (m), within their limits."""
+        positions = []
+        for joint, value in zip(self._fingers, self.model.gripper.joints(opening), strict=True):
+            lower, upper = self._limits[joint]
+            positions.append(min(max(value, lower), upper) if lower < upper else value)
+        return positions

@@ -25,8 +25,9 @@ class RobotSettings:
     finger_stiffness: float = 3e5  # N/m; softer fingers sink in
     finger_damping: float = 3e3  # N s/m
     finger_speed: float = 0.1  # m/s, of each finger
-    finger_gear_force: float = 50.0  # N, that keeps two fingers symmetric
-    finger_gear_erp: float = 0.1  # share of their difference removed per step
+    finger_gear_force: float = 50.0  # N or N m, that keeps fingers symmetric, and linkages as their mimic joints say
+    finger_gear_erp: float = 0.1  # share of what they are off removed per step
+    linkage_inertia: float = 1e-3  # kg m^2, least of a link in a linkage, as if of its motor; lighter ones give way
     finger_force: float = 40.0  # N, of a gripper command that names none
 
     @classmethod

@@ -21,15 +21,25 @@ class Arm:
     def values(self, joints: np.ndarray, openings: np.ndarray) -> dict[str, np.ndarray]:
         """The value (N,) of every moving joint from arm joints (N, n) and gripper openings (N,) in metres.
 
-        A finger joint is opening times ``per_joint``; a joint that nobody names stays at zero or follows its ``mimic``.
+        A joint that nobody names stays at zero or follows its ``mimic``.
+
+        Raises:
+            InputError: joints mimic each other in a circle.
         """
         values = {name: joints[:, i] for i, name in enumerate(self.data.joint_names)}
-        if self.data.gripper is not None:
-            values |= {name: openings * self.data.gripper.per_joint for name in self.data.gripper.joint_names}
-        for joint in self.tree.joints:
-            if joint.kind in urdf.MOVING and joint.name not in values:
-                source, multiplier, offset = joint.mimic or ("", 0.0, 0.0)
-                values[joint.name] = multiplier * values.get(source, np.zeros(len(joints))) + offset
+        gripper = self.data.gripper
+        if gripper is not None:
+            travel = gripper.travel(openings)
+            each = zip(gripper.joint_names, gripper.at_zero, gripper.per_joint, strict=True)
+            values |= {name: start + travel * slope for name, start, slope in each}
+        left = {j.name: j for j in self.tree.joints if j.kind in urdf.MOVING and j.name not in values}
+        while left:
+            ready = [name for name, joint in left.items() if joint.mimic is None or joint.mimic[0] not in left]
+            if not ready:
+                raise unusable(f"robot {self.data.name!r}: the joints {', '.join(left)} mimic each other")
+            for name in ready:
+                source, multiplier, offset = left.pop(name).mimic or ("", 0.0, 0.0)
+                values[name] = multiplier * values.get(source, np.zeros(len(joints))) + offset
         return values
 
     def frames(self, values: dict[str, np.ndarray]) -> Frames:

@@ -48,11 +48,25 @@ class BodyData:
 
 @dataclass(frozen=True)
 class GripperData:
+    """A gripper: joint i is at ``at_zero[i] + travel * per_joint[i]``.
+
+    Travel is the opening in metres; where ``openings`` (M,) are given, it is i / (M - 1) at the i-th of them and linear
+    in between.
+    """
+
     joint_names: tuple[str, ...]
-    per_joint: float
+    per_joint: np.ndarray  # (k,)
     finger_links: tuple[str, ...]
     min_opening: float
     max_opening: float
+    at_zero: np.ndarray  # (k,)
+    openings: np.ndarray  # (M,), or (0,)
+
+    def travel(self, openings: np.ndarray) -> np.ndarray:
+        """Travel (N,) at openings (N,) in m."""
+        if len(self.openings) == 0:
+            return openings
+        return np.interp(openings, self.openings, np.linspace(0.0, 1.0, len(self.openings)))
 
 
 @dataclass(frozen=True)
@@ -152,18 +166,29 @@ def _body(reader: Reader) -> BodyData:
     )
 
 
+def _each(reader: Reader, count: int) -> np.ndarray:
+    """One number for each of some joints, (count,), given so or as one for all."""
+    return reader.array((count,)) if isinstance(reader.value, list) else np.full(count, reader.number())
+
+
 def _gripper(reader: Reader | None) -> GripperData | None:
     if reader is None:
         return None
     low, high = reader.find("min_opening"), reader.find("max_opening")
     if not reader.get("finger_links").texts():
         reader.get("finger_links").fail("a gripper has at least one finger link")
+    joint_names, at_zero, table = reader.get("joint_names").texts(), reader.find("at_zero"), reader.find("openings")
+    openings = np.zeros(0) if table is None else table.array((None,))
+    if len(openings) == 1 or np.any(np.diff(openings) <= 0.0):
+        table.fail("two or more increasing numbers are needed, or none")
     return GripperData(
-        joint_names=reader.get("joint_names").texts(),
-        per_joint=reader.get("per_joint").number(),
+        joint_names=joint_names,
+        per_joint=_each(reader.get("per_joint"), len(joint_names)),
         finger_links=reader.get("finger_links").texts(),
         min_opening=0.0 if low is None else low.number(),
         max_opening=np.inf if high is None else high.number(),
+        at_zero=np.zeros(len(joint_names)) if at_zero is None else _each(at_zero, len(joint_names)),
+        openings=openings,
     )
 
 
