@@ -154,6 +154,18 @@ def test_resting_objects_stay_and_touch_their_support_with_their_weight():
         assert np.allclose(world.body_pose("block")[:3], [0.5, 0.0, 0.02], atol=1e-4)
 
 
+LYING = transforms.pose((0.5, 0.0, 0.03), (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))
+
+
+@pytest.mark.parametrize(("kind", "size"), [(ShapeKind.CYLINDER, (0.03, 0.16)), (ShapeKind.CAPSULE, (0.03, 0.1))])
+def test_what_is_round_lies_still(kind, size):
+    bottle = Body("bottle", BodyKind.MOVABLE, (Shape(kind, size),), LYING, 0.3)
+    with SimulatedWorld(scene(bottle, robots=False)) as world:
+        run(world, 3.0)
+        moved, turned = transforms.distance(LYING, world.body_pose("bottle"))
+        assert moved < 5e-4 and turned < 0.02
+
+
 def test_joints_go_where_they_are_told_and_are_matched_by_name():
     model = panda_model()
     order = (3, 0, 1, 2, 4, 5, 6)

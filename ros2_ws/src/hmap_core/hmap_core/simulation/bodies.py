@@ -20,6 +20,8 @@ COLORS = {
     BodyKind.MOVABLE: (0.20, 0.45, 0.80, 1.0),
     BodyKind.TOOL: (0.85, 0.60, 0.20, 1.0),
 }
+ROUND = (ShapeKind.CYLINDER, ShapeKind.SPHERE, ShapeKind.CAPSULE)
+ROLLING_FRICTION = 1e-4  # m, of bodies with round parts; without it they roll away from rest by rounding errors
 DIAGONAL_TOLERANCE = 1e-9  # share of the largest moment; smaller products of inertia count as zero
 
 
@@ -55,7 +57,8 @@ def create(client: BulletClient, body: Body, mesh_directory: Path) -> BodyHandle
         T_body_inertial[:3].tolist(),
         T_body_inertial[3:].tolist(),
     )
-    client.changeDynamics(identifier, -1, lateralFriction=body.friction, spinningFriction=0.0, rollingFriction=0.0)
+    rolling = ROLLING_FRICTION if any(shape.kind in ROUND for shape in body.shapes) else 0.0
+    client.changeDynamics(identifier, -1, lateralFriction=body.friction, spinningFriction=0.0, rollingFriction=rolling)
     if moments is not None:
         client.changeDynamics(identifier, -1, localInertiaDiagonal=moments.tolist())
     client.changeVisualShape(identifier, -1, rgbaColor=body.color or COLORS[body.kind])
