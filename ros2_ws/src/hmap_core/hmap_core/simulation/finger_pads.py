@@ -19,6 +19,7 @@ FACE = 3e-4  # m; vertices of a finger this near to the foremost one are of its 
 FULL_WIDTH = 0.9  # of the pads' half width; beyond, a vertex is at a side of the face
 RADIUS = 0.001  # m of the spheres that make a pad
 SPREAD = (-1.0, 0.0, 1.0)  # where they touch, as shares of the pad's halves
+HOLLOW = 1e-4  # m by which all but the corners lie behind these: they touch what is too small for the corners
 RECESS = 2e-3  # m by which the hull is cut off behind the face of its pad: Bullet's hulls are 1 mm larger all round
 LEAST = 1e-3  # m; smaller faces get no pad
 
@@ -80,7 +81,8 @@ def _replace(link: ElementTree.Element, hulls, pad, file: Path) -> None:
     for u in SPREAD:
         for v in SPREAD:
             sphere = ElementTree.SubElement(link, "collision")
-            ElementTree.SubElement(sphere, "origin", xyz=_text(centre + u * across + v * along))
+            behind = (HOLLOW if u * v == 0.0 else 0.0) * opening
+            ElementTree.SubElement(sphere, "origin", xyz=_text(centre + u * across + v * along + behind))
             ElementTree.SubElement(ElementTree.SubElement(sphere, "geometry"), "sphere", radius=f"{RADIUS:g}")
 
 
