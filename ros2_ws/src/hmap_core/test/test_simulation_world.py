@@ -200,8 +200,9 @@ def test_fingers_close_symmetrically_and_hold_what_they_meet():
         assert fingers == {"panda_leftfinger", "panda_rightfinger"}
 
 
-def test_what_is_held_is_pressed_along_the_closing_axis_however_the_hand_turns_and_stays_in_it():
-    stick = box("stick", (0.02, 0.02, 0.12), (0.5, 0.0, 0.4), mass=0.15, friction=1.0)
+@pytest.mark.parametrize("width", [0.02, 0.008])  # wider and narrower than the corners of the pads are apart
+def test_what_is_held_is_pressed_along_the_closing_axis_however_the_hand_turns_and_stays_in_it(width):
+    stick = box("stick", (width, 0.02, 0.12), (0.5, 0.0, 0.4), mass=0.15, friction=1.0)
     with SimulatedWorld(scene(stick)) as world:
         robot = world.robot("left")
 
