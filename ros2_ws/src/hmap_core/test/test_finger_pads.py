@@ -7,7 +7,7 @@ import pytest
 from simulation_fixtures import panda_model
 
 from hmap_core.kinematics.urdf import load_urdf
-from hmap_core.simulation.finger_pads import RADIUS, RECESS, SPREAD, with_pads
+from hmap_core.simulation.finger_pads import HOLLOW, RADIUS, RECESS, RIM, SPREAD, with_pads
 
 
 def test_each_finger_has_its_pad_in_front_of_its_hull(tmp_path):
@@ -18,8 +18,12 @@ def test_each_finger_has_its_pad_in_front_of_its_hull(tmp_path):
         assert all(radius == RADIUS for _, radius in pad)
         pad = np.concatenate([points for points, _ in pad])
         assert len(pad) == len(SPREAD) ** 2
-        assert np.ptp(pad[:, 0]) == pytest.approx(2 * model.gripper.pad_half_width, abs=1e-6)
-        front = (pad[:, 1] * inward).max() + RADIUS
+        ahead = pad[:, 1] * inward
+        corners = np.abs(ahead - ahead.max()) < 1e-9
+        half = model.gripper.pad_half_width
+        np.testing.assert_allclose(np.abs(pad[corners][:, 0]), half + RIM - RADIUS, atol=1e-6)
+        assert corners.sum() == 4 and ahead[~corners] == pytest.approx(ahead.max() - HOLLOW, abs=1e-9)
+        front = ahead.max() + RADIUS
         assert front == pytest.approx(0.0, abs=2e-4)  # closed pads meet
         assert front - (hull[:, 1] * inward).max() == pytest.approx(RECESS, abs=1e-6)
         before = np.concatenate([points for points, _ in load_urdf(model.urdf).hulls[link]])

@@ -12,7 +12,7 @@ from hmap_core import transforms
 from hmap_core.exceptions import Code, InputError
 from hmap_core.simulation import bodies
 from hmap_core.simulation.camera import intrinsics
-from hmap_core.simulation.settings import GRAVITY, RobotSettings
+from hmap_core.simulation.settings import GRAVITY, RENEWAL, RobotSettings
 from hmap_core.simulation.world import SimulatedWorld
 from hmap_core.types import Body, BodyKind, Camera, Robot, SceneState, Shape, ShapeKind
 
@@ -210,6 +210,32 @@ def test_fingers_close_symmetrically_and_hold_what_they_meet():
         assert world.body_pose("block")[2] == pytest.approx(ee[2], abs=2e-3)  # held up
         fingers = {c.link_b for c in world.contacts("block") if c.b == "left"}
         assert fingers == {"panda_leftfinger", "panda_rightfinger"}
+
+
+@pytest.mark.parametrize("width", [0.02, 0.008])  # wider and narrower than the corners of the pads are apart
+def test_what_is_held_is_pressed_along_the_closing_axis_however_the_hand_turns_and_stays_in_it(width):
+    stick = box("stick", (width, 0.02, 0.12), (0.5, 0.0, 0.4), mass=0.15, friction=1.0)
+    with SimulatedWorld(scene(stick)) as world:
+        robot = world.robot("left")
+
+        def in_hand():
+            return transforms.multiply(transforms.inverse(robot.end_effector_pose()), world.body_pose("stick"))
+
+        robot.place(HOME, 0.0201)
+        world.move_body("stick", transforms.multiply(robot.end_effector_pose(), transforms.pose((0.0, 0.0, 0.04))))
+        robot.set_gripper(0.0, 40.0)
+        run(world, 0.5)
+        before, duration, way = in_hand(), 3.0, np.array([1.2, 0.2, 0.0, 0.3, 0.0, 1.0, 1.5])
+        for t in np.arange(0.0, duration, world.dt):
+            phase, rate = np.pi * t / duration, np.pi / duration
+            speed = 0.5 * rate * np.sin(phase)
+            world.set_joint_targets("left", HOME + 0.5 * (1.0 - np.cos(phase)) * way, speed * way)
+            world.step()
+        closing = transforms.rotation_matrix(robot.end_effector_pose())[:, 1]
+        pressing = [contact.normal @ closing for contact in world.contacts("stick") if contact.force > 0.0]
+        distance, angle = transforms.distance(before, in_hand())
+    assert np.abs(pressing).min() >= np.cos(RENEWAL + np.deg2rad(1.0))
+    assert distance < 0.001 and angle < np.deg2rad(1.0)
 
 
 def test_reset_goes_back_to_the_start_or_to_a_state():

@@ -17,8 +17,10 @@ from hmap_core.types import RobotModel
 
 FACE = 3e-4  # m; vertices of a finger this near to the foremost one are of its inner face
 FULL_WIDTH = 0.9  # of the pads' half width; beyond, a vertex is at a side of the face
-RADIUS = 0.001  # m of the spheres that make a pad
-SPREAD = (-1.0, 0.0, 1.0)  # where they touch, as shares of the pad's halves
+RADIUS = 0.003  # m of the spheres that make a pad; of smaller ones on long faces Bullet tilts normals by up to 25 deg
+RIM = 0.001  # m that they reach beyond the pad's edges
+SPREAD = (-1.0, 0.0, 1.0)  # where they are, as shares of how far from its middle they may be
+HOLLOW = 1e-4  # m by which all but the corners lie behind these: they touch what is too small for the corners
 RECESS = 2e-3  # m by which the hull is cut off behind the face of its pad: Bullet's hulls are 1 mm larger all round
 TAPER = 0.05  # of linkages: of faces that are nearly parallel, Bullet may find that what is before one is behind it
 LEAST = 1e-3  # m; smaller faces get no pad
@@ -98,11 +100,13 @@ def _replace(link: ElementTree.Element, hulls, pad, file: Path, taper: float) ->
     trimesh.PointCloud(vertices + np.outer(np.maximum(missing, 0.0), opening)).convex_hull.export(file)
     hull = ElementTree.SubElement(link, "collision")
     ElementTree.SubElement(ElementTree.SubElement(hull, "geometry"), "mesh", filename=str(file))
-    across, along = size[0] / 2.0 * axes[:, 0], size[1] / 2.0 * axes[:, 2]
+    reach = size / 2.0 + RIM - RADIUS
+    across, along = reach[0] * axes[:, 0], reach[1] * axes[:, 2]
     for u in SPREAD:
         for v in SPREAD:
             sphere = ElementTree.SubElement(link, "collision")
-            ElementTree.SubElement(sphere, "origin", xyz=_text(centre + u * across + v * along))
+            behind = (HOLLOW if u * v == 0.0 else 0.0) * opening
+            ElementTree.SubElement(sphere, "origin", xyz=_text(centre + u * across + v * along + behind))
             ElementTree.SubElement(ElementTree.SubElement(sphere, "geometry"), "sphere", radius=f"{RADIUS:g}")
 
 

@@ -12,8 +12,11 @@ from hmap_core.exceptions import InputError
 from hmap_core.kinematics.urdf import load_urdf
 from hmap_core.simulation.client import BulletClient
 from hmap_core.simulation.finger_pads import with_pads
-from hmap_core.simulation.settings import RobotSettings
+from hmap_core.simulation.settings import RENEWAL, RobotSettings
 from hmap_core.types import Robot
+
+# Bullet's defaults for what moves; setting them, even to what they are, makes it forget the contacts of a link
+COLLISION_GROUP, COLLISION_MASK = 1, -1
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,7 @@ class SimulatedRobot:
         self._arm_forces = self._forces()
         self._prepare_fingers()
         self._gripper_command: tuple = ()
+        self._contacts_turn: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)  # of the hand when contacts were last renewed
         self.place(robot.q, gripper.open_opening if gripper else 0.0)
 
     def place(self, q: np.ndarray, opening: float) -> None:
@@ -112,6 +116,20 @@ class SimulatedRobot:
                 force=force / rate / len(self._fingers),  # the work of all joints is that of the pads
                 maxVelocity=self.settings.finger_speed * 2.0 * rate,  # half of the gap's is each finger's
             )
+
+    def renew_contacts(self) -> None:
+        """Have the fingers' contacts found anew once the hand has turned by RENEWAL; to be called before every step.
+
+        A contact that sticks is anchored where it was made, without which what is held would fall behind the hand on
+        its arc, and Bullet keeps the direction of its normal in the world with it, however the hand turns meanwhile.
+        """
+        if not self.finger_links:
+            return
+        turn = self._client.getLinkState(self.id, self._ee_link, computeForwardKinematics=1)[1]
+        if abs(np.dot(turn, self._contacts_turn)) < np.cos(0.5 * RENEWAL):
+            self._contacts_turn = turn
+            for link in self.finger_links:
+                self._client.setCollisionFilterGroupMask(self.id, link, COLLISION_GROUP, COLLISION_MASK)
 
     def joint_states(self) -> JointStates:
         """What the joint sensors say."""

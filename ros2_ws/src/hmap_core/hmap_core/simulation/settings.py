@@ -5,10 +5,13 @@ Measured with Pandas dragging, pushing and lifting objects of 0.2-0.6 kg with fr
 
 from dataclasses import dataclass, fields
 
+import numpy as np
+
 from hmap_core.exceptions import InputError
 
 TIME_STEP = 1.0 / 240.0  # s
-SOLVER_ITERATIONS = 100  # with 50, what is pushed creeps along what pushes by millimetres
+SOLVER_ITERATIONS = 200  # with 100, what is pushed or held in the air creeps by millimetres
+RENEWAL = float(np.deg2rad(3.0))  # rad that a hand turns before the contacts of its fingers are found anew
 GRAVITY = 9.81  # m/s^2, downwards
 
 

@@ -77,6 +77,8 @@ class SimulatedWorld:
 
     def step(self) -> None:
         """Let ``dt`` pass."""
+        for robot in self._robots.values():
+            robot.renew_contacts()
         self._client.stepSimulation()
         self._steps += 1
 
