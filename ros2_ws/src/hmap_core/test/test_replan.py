@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from replan_fixtures import FAR, RADIUS, brick_plan, hand
 
+from hmap_core.kinematics.arm import load_arm
+from hmap_core.plan_file import to_dict
 from hmap_core.planner.conflicts import Conflict, first_conflict, unknown_bodies
 from hmap_core.planner.interruption import (
     back_to,
@@ -18,7 +20,10 @@ from hmap_core.planner.interruption import (
     stable_sample,
     state_at,
 )
+from hmap_core.planner.repair import plan_anew
 from hmap_core.simulation.dynamic import sphere
+from hmap_core.transforms import apply
+from hmap_core.validation import check
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +79,30 @@ def test_a_hand_that_stops_while_it_carries_lets_go(plan):
     opening, motion = release(plan.scene, state, plan, made)
     assert opening > state.gripper["arm"]
     np.testing.assert_array_equal(motion.positions[0], state.q["arm"])
+
+
+@pytest.mark.parametrize(
+    ("place", "back"),
+    [((0.09, 0.0, -0.12), 0.1), ((0.015, -0.098, -0.203), 0.05), ((-0.004, 0.117, -0.066), 0.0)],
+    ids=["all the way", "some of it", "nowhere"],
+)
+def test_a_hand_draws_back_as_far_as_there_is_room_and_goes_on_from_there(plan, place, back):
+    """A ball stands in a place (3,) of the hand's own frame where it lets go, beside or behind it."""
+    made, arm = contacts(plan)[0], load_arm(plan.scene.robots["arm"].model)
+    k = (made.begin + made.end) // 2
+    state = state_at(plan, k)
+    T_ee = arm.end_effector(state.q["arm"])
+    ball = sphere("ball", 0.015, apply(T_ee, np.array(place)))
+    scene = replace(plan.scene, bodies=plan.scene.bodies | {"ball": ball})
+    state.poses["ball"] = ball.pose
+    state.gripper["arm"], motion = release(scene, state, plan, made)
+    assert (motion is None) == (back == 0.0)
+    if motion is not None:
+        state.q["arm"] = motion.positions[-1].copy()
+        moved = np.linalg.norm(arm.end_effector(state.q["arm"])[:3] - T_ee[:3])
+        assert moved == pytest.approx(back, abs=1e-3)
+    new, _ = plan_anew(plan, float(plan.trajectory.time[k]), scene, state, 1)
+    assert check(to_dict(new)).valid
 
 
 def test_a_hand_round_the_object_goes_back_as_it_came(plan):

@@ -96,7 +96,6 @@ class Follower:
             InputError: the plan cannot be executed at all.
             Blocked: a body that the plan does not know is in the way.
             ExecutionError: TRACKING_LOST, OBJECT_DROPPED, GOAL_MISSED.
-            MotionError: the way is blocked, and a hand cannot let go of what it holds.
             PlannerError: CANCELED; the motion was stopped.
         """
         check_executable(plan)
@@ -242,7 +241,8 @@ class Follower:
         state = self.told(self._observer.settled(STATE_PATIENCE))
         opening, motion = release(self._observer.scene(), state, plan, contact)
         self._open(plan, contact.segment.robot, opening)
-        self._controllers.wait([self._send(plan, contact.segment.robot, motion)], self._canceled, HANG)
+        if motion is not None:
+            self._controllers.wait([self._send(plan, contact.segment.robot, motion)], self._canceled, HANG)
 
     def _open(self, plan: Plan, robot: str, opening: float) -> None:
         gripper = plan.scene.robots[robot].model.gripper

@@ -227,7 +227,15 @@ def carried(
 def draw_back(
     manipulation: Manipulation, problem: KomoProblem, contact: ContactPoint, T_world_obj: np.ndarray, q: np.ndarray
 ) -> np.ndarray:
-    """Postures (APPROACH_STEPS, n) straight back from the contact, the pre-contact posture last; none where it cannot.
+    """As :func:`drawn_back_path`, to the pre-contact posture; none where it cannot go there."""
+    path = drawn_back_path(manipulation, problem, contact, T_world_obj, q)
+    return path if len(path) == APPROACH_STEPS else path[:0]
+
+
+def drawn_back_path(
+    manipulation: Manipulation, problem: KomoProblem, contact: ContactPoint, T_world_obj: np.ndarray, q: np.ndarray
+) -> np.ndarray:
+    """Postures (m, n) straight back from the contact, as far as there is room; all APPROACH_STEPS lead to pre-contact.
 
     Args:
         problem: an :func:`ik_problem` of the phase in which the hand comes or goes.
@@ -237,5 +245,4 @@ def draw_back(
     fractions = np.arange(1, APPROACH_STEPS + 1)[:, None] / APPROACH_STEPS
     poses = np.tile(touching, (APPROACH_STEPS, 1))
     poses[:, :3] -= fractions * retreat_distance(contact) * (rotation_matrix(touching) @ contact.approach)
-    path = follow_ik(problem, pose_params_all(manipulation.T_tip_ee, poses), q, MAX_JUMP)
-    return path if len(path) == APPROACH_STEPS else path[:0]
+    return follow_ik(problem, pose_params_all(manipulation.T_tip_ee, poses), q, MAX_JUMP)

@@ -3,8 +3,7 @@
 import numpy as np
 
 from hmap_core import transforms
-from hmap_core.contacts.feasibility import draw_back, ik_problem
-from hmap_core.exceptions import MotionError
+from hmap_core.contacts.feasibility import drawn_back_path, ik_problem
 from hmap_core.execution.stretches import index_at
 from hmap_core.execution.timing import time_parameterise
 from hmap_core.kinematics.arm import load_arm
@@ -95,28 +94,28 @@ def back_to(plan: Plan, robot: str, sample: int, q: np.ndarray, at: float) -> Jo
     return _timed(plan.scene, robot, path, HOLD_SPEED, HOLD_ACCELERATION)
 
 
-def release(scene: Scene, state: SceneState, plan: Plan, contact: KeptSegment) -> tuple[float, JointTrajectory]:
+def release(scene: Scene, state: SceneState, plan: Plan, contact: KeptSegment) -> tuple[float, JointTrajectory | None]:
     """How a hand lets go of what it holds, where it is: the opening (m), then the way straight back.
+
+    It goes back as far as it can without touching something; None where that is nowhere. With its fingers open it is
+    free of the object there, too.
 
     Args:
         scene: with every body that is known now.
         state: where everything stands.
         plan: that the contact is of.
-
-    Raises:
-        MotionError: NO_MOTION; the hand cannot draw back without touching something.
     """
     robot, name = contact.segment.robot, contact.segment.object
     point = contact_of(plan, contact)
     manipulation = Manipulation(scene, state, robot, name)
     T_obj = held_pose(scene, state, contact)
-    collisions = manipulation.collisions(point, T_obj, T_obj)
-    problem = ik_problem(manipulation, collisions, Phase.RETREAT)
-    path = draw_back(manipulation, problem, point, T_obj, state.q[robot])
+    problem = ik_problem(manipulation, manipulation.collisions(point, T_obj, T_obj), Phase.RETREAT)
+    path = drawn_back_path(manipulation, problem, point, T_obj, state.q[robot])
+    opening = free_opening(scene.robots[robot], point)
     if not len(path):
-        raise MotionError(f"robot '{robot}' cannot let go of '{name}' here: the way straight back is blocked")
+        return opening, None
     path = np.concatenate([state.q[robot][None], path])
-    return free_opening(scene.robots[robot], point), _timed(scene, robot, path, FREE_SPEED, FREE_ACCELERATION)
+    return opening, _timed(scene, robot, path, FREE_SPEED, FREE_ACCELERATION)
 
 
 def held_pose(scene: Scene, state: SceneState, contact: KeptSegment) -> np.ndarray:
