@@ -29,7 +29,20 @@ from hmap_core.planner.interfaces import RobotContact, SegmentMotion
 from hmap_core.planner.interruption import state_at
 from hmap_core.planner.local import away_from_home
 from hmap_core.planner.replan import KeptSegment, contact_of, kept_segments
-from hmap_core.types import Body, BodyKind, Goal, Plan, Scene, SceneState, Segment, SegmentKind, Trajectory
+from hmap_core.transforms import pose
+from hmap_core.types import (
+    Body,
+    BodyKind,
+    Goal,
+    Plan,
+    Scene,
+    SceneState,
+    Segment,
+    SegmentKind,
+    Shape,
+    ShapeKind,
+    Trajectory,
+)
 from hmap_core.validation import check
 
 POSITION_STEP, ROTATION_STEP = 0.01, float(np.deg2rad(3.0))  # m, rad between kept poses of an object
@@ -40,6 +53,7 @@ SAME_OPENING = 1e-3  # m: so does a gripper
 PATH_TIME = 2.0  # s for one of them
 CONTACTS = 2  # looked for, and tried, on a path
 REST = 3  # samples at rest in a contact, with which the judge is shown a way to it
+REHEARSED_RADIUS = 0.02  # m
 MAX_SEED = 2**31 - 1
 
 
@@ -476,16 +490,25 @@ def plan_anew(
 
 
 def rehearse(plan: Plan, time_limit: float) -> None:
-    """Do once what mending a plan takes, and forget it, so that everything has been loaded when it matters."""
+    """Do once what mending a plan takes, and forget it, so that everything has been loaded when it matters.
+
+    The last errand is mended with the way free, and with a ball in the middle of it.
+    """
     errands = planned_errands(plan)
     if not errands:
         return
     errand = errands[-1]
     state = state_at(plan, errand.first)
-    planner = Planner(plan.scene, state, time_limit=time_limit)
-    repair = Repair(planner, plan, float(plan.trajectory.time[errand.first]))
-    for way in (repair.with_new_way, repair.with_its_contact, repair.in_one_contact):
-        try:
-            way(errand, state)
-        except HmapError:
-            continue
+    rows = plan.trajectory.objects[errand.contacts[-1].segment.object]
+    middle = pose(rows[(errand.begin + errand.contacts[-1].end) // 2, :3])
+    ball = Body("", BodyKind.FIXED, (Shape(ShapeKind.SPHERE, (REHEARSED_RADIUS,)),), middle)
+    for bodies in {}, {ball.name: ball}:
+        scene = replace(plan.scene, bodies=plan.scene.bodies | bodies)
+        there = replace(state, poses=state.poses | {name: body.pose for name, body in bodies.items()})
+        planner = Planner(scene, there, time_limit=time_limit)
+        repair = Repair(planner, plan, float(plan.trajectory.time[errand.first]))
+        for way in (repair.with_new_way, repair.with_its_contact, repair.in_one_contact):
+            try:
+                way(errand, there)
+            except HmapError:
+                continue
