@@ -161,6 +161,11 @@ class Arm:
         """All vertices (m, 3) of what hangs on the last joint, in the end-effector frame."""
         return self._in_end_effector([hull.vertices for hull in self.hulls if hull.frame == self.n])
 
+    def hand(self, opening: float) -> list[tuple[np.ndarray, float]]:
+        """Hulls (vertices (m, 3) in the end-effector frame, radius) on the last joint, the gripper open by so much."""
+        own = [hull for hull in self.hulls if hull.frame == self.n]
+        return [(self._in_end_effector([hull.at(opening)]), hull.radius) for hull in own]
+
     def _in_end_effector(self, points: list[np.ndarray]) -> np.ndarray:
         if not points:
             return np.zeros((0, 3))

@@ -5,14 +5,14 @@ from itertools import islice
 
 import numpy as np
 
-from hmap_core.collision.convex import ConvexSet, from_hulls, set_distance
+from hmap_core.collision.convex import from_hulls, set_distance
 from hmap_core.contacts.feasibility import stretches
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.manipulation import Manipulation, free_opening, retreated
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner.local import LocalBackend, placed_bodies
 from hmap_core.planner.obstruction import LIFT
-from hmap_core.transforms import apply, from_matrix, inverse, multiply
+from hmap_core.transforms import multiply
 from hmap_core.types import ContactPoint, Robot, Scene, SceneState
 from hmap_core.waypoints import standing
 
@@ -51,17 +51,10 @@ _ARM = "free for the hand, but not for the arm on its way there and back"
 
 def _hit(robot: Robot, contact: ContactPoint, T: np.ndarray, around) -> str | None:
     """The first body that a hand overlaps in a contact on an object at T (7,), or drawn back from it."""
-    hand = _hand(robot, free_opening(robot, contact))
+    hand = from_hulls(load_arm(robot.model).hand(free_opening(robot, contact)))
     for T_obj_ee in (contact.T_obj_ee, retreated(contact)):
         T_ee = multiply(T, T_obj_ee)
         for body in around:
             if set_distance(hand, T_ee, body_set(body), body.pose, 0.0) < 0.0:
                 return body.name
     return None
-
-
-def _hand(robot: Robot, opening: float) -> ConvexSet:
-    """What hangs on the last joint, in the end-effector frame."""
-    arm = load_arm(robot.model)
-    to_ee = inverse(from_matrix(arm.T_tip_ee))
-    return from_hulls([(apply(to_ee, h.at(opening)), h.radius) for h in arm.hulls if h.frame == arm.n])

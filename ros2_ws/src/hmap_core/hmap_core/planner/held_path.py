@@ -14,7 +14,7 @@ import numpy as np
 from hmap_core.exceptions import InputError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.planner.interfaces import Backend, HeldPath
-from hmap_core.transforms import apply, from_matrix, inverse, multiply, pose
+from hmap_core.transforms import multiply, pose
 from hmap_core.types import Body, ContactPoint, Goal, Robot, Scene, SceneState, Shape, ShapeKind
 from hmap_core.waypoints import NoObjectPath
 
@@ -23,15 +23,11 @@ TIME = 0.5  # s for one of them
 
 def with_hand(body: Body, robot: Robot, contact: ContactPoint) -> Body:
     """A body and what hangs on the last joint of the robot in contact with it, as one: every link a box round it."""
-    arm = load_arm(robot.model)
-    to_ee = inverse(from_matrix(arm.T_tip_ee))
     shapes = []
-    for hull in arm.hulls:
-        if hull.frame == arm.n:
-            points = apply(to_ee, hull.at(contact.opening))
-            lower, upper = points.min(axis=0) - hull.radius, points.max(axis=0) + hull.radius
-            T = multiply(contact.T_obj_ee, pose(0.5 * (lower + upper)))
-            shapes.append(Shape(ShapeKind.BOX, tuple(upper - lower), T))
+    for points, radius in load_arm(robot.model).hand(contact.opening):
+        lower, upper = points.min(axis=0) - radius, points.max(axis=0) + radius
+        T = multiply(contact.T_obj_ee, pose(0.5 * (lower + upper)))
+        shapes.append(Shape(ShapeKind.BOX, tuple(upper - lower), T))
     return replace(body, shapes=(*body.shapes, *shapes))
 
 
