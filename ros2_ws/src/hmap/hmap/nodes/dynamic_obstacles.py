@@ -11,6 +11,8 @@ from hmap.node import LATCHED, HmapNode, run
 from hmap.requests import Caller
 from hmap_core import transforms
 from hmap_core.exceptions import HmapError, InputError
+from hmap_core.komo.shapes import body_set
+from hmap_core.planner.conflicts import object_clearances
 from hmap_core.planner.local import placed_bodies
 from hmap_core.simulation.dynamic import ObstacleSource
 from hmap_core.types import Body, Plan, Scene, SceneState
@@ -113,12 +115,13 @@ class DynamicObstacles(HmapNode):
 
     def _source(self, scene: Scene, state: SceneState) -> ObstacleSource:
         path = remaining_path(self._plan, state.poses[scene.goal.object])
-        return ObstacleSource(scene, path, self._rng, lambda body: self._allowed(scene, state, body))
+        return ObstacleSource(scene, path, self._rng, lambda body: self._allowed(scene, state, path, body))
 
-    def _allowed(self, scene: Scene, state: SceneState, body: Body) -> bool:
-        if not self._keep_path:
-            return True
+    def _allowed(self, scene: Scene, state: SceneState, path: np.ndarray, body: Body) -> bool:
         name = scene.goal.object
+        beside = object_clearances(body_set(scene.bodies[name]), path, body).min() > PATH_STEP
+        if beside or not self._keep_path:
+            return True
         others = [other for other in placed_bodies(scene, state, name) if other.name != body.name]
         start, goal = state.poses[name], scene.goal.pose
         problem = ObjectPathProblem(scene.bodies[name], start, goal, (*others, body), scene.motion)
