@@ -18,7 +18,7 @@ from hmap_core.transforms import multiply, pose
 from hmap_core.types import Body, ContactPoint, Goal, Robot, Scene, SceneState, Shape, ShapeKind
 from hmap_core.waypoints import NoObjectPath
 
-TIME = 0.5  # s for one of them
+TIME = 0.25  # s for one of them
 
 
 def with_hand(body: Body, robot: Robot, contact: ContactPoint) -> Body:
