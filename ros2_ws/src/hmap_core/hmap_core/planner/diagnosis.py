@@ -17,6 +17,8 @@ from hmap_core.types import ContactPoint, Robot, Scene, SceneState
 from hmap_core.waypoints import standing
 
 BATCHES = 2  # of contacts that are looked at
+TOO_FAR = "too far for the arm"
+HAND_FREE = "free for the hand, but not for the arm on its way there and back"
 
 
 def why_no_contact(scene: Scene, state: SceneState, object: str, T: np.ndarray, seed: int = 0) -> str:
@@ -39,14 +41,14 @@ def _of_robot(scene: Scene, state: SceneState, object: str, robot: str, around, 
     fates: Counter[str] = Counter()
     stretch = stretches(Manipulation(scene, state, robot, object), contacts, T[None])[:, 0]
     for contact, stretched in zip(contacts, stretch, strict=True):
-        hit = _hit(scene.robots[robot], contact, T, around) if stretched <= 1.0 else None
-        fates["too far for the arm" if stretched > 1.0 else f"with the hand in '{hit}'" if hit else _ARM] += 1
+        if stretched > 1.0:
+            fates[TOO_FAR] += 1
+        else:
+            hit = _hit(scene.robots[robot], contact, T, around)
+            fates[HAND_FREE if hit is None else f"with the hand in '{hit}'"] += 1
     return f"of {len(contacts)} contacts of '{robot}' " + ", ".join(
         f"{n} are {fate}" for fate, n in fates.most_common()
     )
-
-
-_ARM = "free for the hand, but not for the arm on its way there and back"
 
 
 def _hit(robot: Robot, contact: ContactPoint, T: np.ndarray, around) -> str | None:

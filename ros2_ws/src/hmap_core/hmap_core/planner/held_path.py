@@ -1,7 +1,7 @@
 """Paths of an object that a hand can follow: sought for the object and the hand that holds it, as one rigid body.
 
 H-MaP plans the path of the object alone, and then finds hands that follow it. Where the way is narrow for the hand, and
-not for the object, none may be found however often that is repeated. So some of the repetitions begin at the other end:
+not for the object, none may be found however often that is repeated. Then one begins at the other end:
 with a contact that can be made at the start and left at the goal, whose hand goes with the object through the same
 search (Algorithm 2).
 """
