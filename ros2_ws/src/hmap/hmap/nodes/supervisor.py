@@ -1,5 +1,6 @@
 """The node ``supervisor``: Algorithm 1 over the other nodes, then execution; the action ``manipulate``."""
 
+import gc
 import sys
 import threading
 import time
@@ -305,6 +306,8 @@ class Supervisor(HmapNode):
         """Load what mending a plan takes while there is time for it."""
         began = time.monotonic()
         rehearse(plan, REHEARSAL_LIMIT)
+        gc.collect()
+        gc.freeze()  # nor is all of that looked through again while planning
         self.get_logger().info(f"ready to mend the plan after {time.monotonic() - began:.1f} s")
 
     def _compare(self, job: Job, goal: Goal, pose: np.ndarray) -> None:

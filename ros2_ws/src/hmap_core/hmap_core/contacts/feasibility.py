@@ -91,9 +91,10 @@ def promising(
     At most MAX_SOLVED, the farthest-reaching first, of these the ones for which the arm need not stretch. None of them
     ends before pose ``least`` of object_poses (M, 7), nor where ``release`` (M,) says that it may not be let go.
     """
-    bound = reach_bounds(manipulation, contacts, object_poses)
     places = coarse(len(object_poses))
-    stretch = np.where(places <= bound[:, None], stretches(manipulation, contacts, object_poses[places]), 0.0)
+    stretch = stretches(manipulation, contacts, object_poses[places])
+    bound = _bounds(manipulation, contacts, object_poses, stretch)
+    stretch = np.where(places <= bound[:, None], stretch, 0.0)
     allowed = np.flatnonzero(release)
     # the last pose up to the bound at which the object stands by itself
     last = np.append(allowed, -1)[np.searchsorted(allowed, bound, side="right") - 1]
@@ -108,6 +109,14 @@ def reach_bounds(manipulation: Manipulation, contacts: Sequence[ContactPoint], o
     Nor does it go where the arm is too short to follow. A push ends before it would slip. The path is looked at in at
     most COARSE_POSES places, so this is a bound and not the reach itself.
     """
+    stretch = stretches(manipulation, contacts, object_poses[coarse(len(object_poses))])
+    return _bounds(manipulation, contacts, object_poses, stretch)
+
+
+def _bounds(
+    manipulation: Manipulation, contacts: Sequence[ContactPoint], object_poses: np.ndarray, stretch: np.ndarray
+) -> np.ndarray:
+    """:func:`reach_bounds`, with how far (K, P) the arm stretches at each of the coarse places."""
     M = len(object_poses)
     places = coarse(M)
     R_obj = rotation_matrices(object_poses[places])
@@ -115,7 +124,7 @@ def reach_bounds(manipulation: Manipulation, contacts: Sequence[ContactPoint], o
     T_ee_tip = inverse(manipulation.T_tip_ee)
     # the first place that is blocked or out of reach is not reached, but all before it may be
     limit = np.append(places[1:] - 1, M - 1)
-    near = stretches(manipulation, contacts, object_poses[places]) <= 1.0
+    near = stretch <= 1.0
     within = np.where(near.all(axis=1), len(places), near.argmin(axis=1))
     bound = np.full(len(contacts), -1)
     possible = np.flatnonzero(within > 0)
@@ -151,15 +160,15 @@ def stretches(manipulation: Manipulation, contacts: Sequence[ContactPoint], obje
     centre = apply(manipulation.scene.robots[manipulation.robot].base_pose, arm.p_joint[0])
     frames = np.array([contact.T_obj_ee for contact in contacts])
     tips = frames[:, :3] + rotation_matrices(frames) @ inverse(manipulation.T_tip_ee)[:3]  # object frame
-    at = np.einsum("pij,kj->kpi", rotation_matrices(object_poses), tips) + object_poses[:, :3]
-    return np.linalg.norm(at - centre, axis=2) / arm.span
+    away = tips @ rotation_matrices(object_poses).swapaxes(1, 2) + (object_poses[:, None, :3] - centre)  # (P, K, 3)
+    return np.sqrt(np.einsum("pki,pki->kp", away, away)) / arm.span
 
 
 def drawn_back(contacts: Sequence[ContactPoint]) -> np.ndarray:
     """Where (K, 3) the end-effectors of contacts are once they have drawn back, object frame."""
     frames = np.array([c.T_obj_ee for c in contacts])
-    ways = np.array([retreat_distance(c) * c.approach for c in contacts])
-    return frames[:, :3] - np.einsum("kij,kj->ki", rotation_matrices(frames), ways)
+    ways = np.array([retreat_distance(c) for c in contacts])[:, None] * np.array([c.approach for c in contacts])
+    return frames[:, :3] - (rotation_matrices(frames) @ ways[:, :, None])[:, :, 0]
 
 
 def alike(contacts: Sequence[ContactPoint]) -> list[list[int]]:

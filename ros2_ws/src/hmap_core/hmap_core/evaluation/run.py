@@ -1,6 +1,7 @@
 """Does one trial in this process: plans, judges, executes."""
 
 import contextlib
+import gc
 import json
 import time
 from dataclasses import asdict, replace
@@ -25,6 +26,8 @@ def warm_up(trial: Trial) -> None:
     seed = WARM_UP_SEED + trial.seed
     with contextlib.suppress(Exception):  # it is only to load what planning needs, and says nothing about the trial
         planner.plan(load_scene(trial.task, seed), seed=seed, time_limit=trial.time_limit)
+    gc.collect()
+    gc.freeze()  # a look through all that the libraries keep costs as much as half a plan
 
 
 def run_trial(trial: Trial) -> TrialResult:

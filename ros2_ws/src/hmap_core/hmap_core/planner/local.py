@@ -109,13 +109,14 @@ class LocalBackend:
         deadline = time.monotonic() + time_limit
         rng = np.random.default_rng(seed)
         informed = self.proposer.propose(state, scene, object, object_poses)
+        seen = self._seen(scene, state, object, object_poses[0], rng)
         found: list[RobotContact] = []
         looked_at = 0
         for name in robots or scene.robots:
             beyond = max((contact.reach for contact in found), default=-1)
             if beyond == len(object_poses) - 1:
                 break
-            sampled = self._sampled(scene, state, object, object_poses, name, cloud, rng)
+            sampled = self._sampled(scene, state, object, object_poses, name, cloud, rng, seen)
             for batch in chain([informed] if informed else [], sampled):
                 looked_at += len(batch)
                 found += self.check_contacts(scene, state, object, object_poses, name, batch, rng, beyond)
@@ -342,15 +343,26 @@ class LocalBackend:
         """Batches of contacts on an object for the way along object_poses (M, 7), of which nothing was asked yet."""
         return self._sampled(scene, state, object, object_poses, robot, None, rng)
 
-    def _sampled(self, scene: Scene, state: SceneState, object: str, object_poses, robot: str, cloud, rng):
+    def _seen(self, scene: Scene, state: SceneState, object: str, T: np.ndarray, rng) -> Cloud:
+        """Points on the surface of an object at T (7,), with which of them the cameras see."""
+        around, cameras = _others(scene, state, object), scene.cameras.values()
+        return visible_points(scene.bodies[object], T, around, cameras, rng, SURFACE_POINTS, include_unseen=True)
+
+    def _sampled(
+        self,
+        scene: Scene,
+        state: SceneState,
+        object: str,
+        object_poses,
+        robot: str,
+        cloud,
+        rng,
+        seen: Cloud | None = None,
+    ):
         """Batches of candidates from what the cameras see of the object, then from the rest of its surface."""
-        body = scene.bodies[object]
-        obstacles = [(b, state.poses[name]) for name, b in scene.bodies.items() if name != object]
-        placed = scene.robots[robot]
-        seen = visible_points(
-            body, object_poses[0], obstacles, scene.cameras.values(), rng, SURFACE_POINTS, include_unseen=True
-        )
-        around = solids([(shape, T) for other, T in obstacles for shape in other.shapes])
+        body, placed = scene.bodies[object], scene.robots[robot]
+        seen = self._seen(scene, state, object, object_poses[0], rng) if seen is None else seen
+        around = solids([(shape, T) for other, T in _others(scene, state, object) for shape in other.shapes])
         hand = hand_of(placed)
         room = ACCESS if hand.gripper is None else hand.gripper.pad_half_width
         seen = seen[accessible(seen, object_poses[0], around, room)]
@@ -372,6 +384,10 @@ class LocalBackend:
                 yield batch
                 if total >= MAX_CANDIDATES:
                     break
+
+
+def _others(scene: Scene, state: SceneState, object: str) -> list[tuple[Body, np.ndarray]]:
+    return [(body, state.poses[name]) for name, body in scene.bodies.items() if name != object]
 
 
 def _reachable_everywhere(manipulation: Manipulation, contacts: list[ContactPoint], object_poses: np.ndarray, rng):
