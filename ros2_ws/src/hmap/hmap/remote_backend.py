@@ -7,15 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hmap.conversions import (
-    cloud_to_message,
+from hmap.conversions import cloud_to_message, scene_to_message, state_to_message
+from hmap.phase_conversions import (
     contact_from_message,
     contact_to_message,
     feasible_contact,
     motion_from_response,
     path_from_response,
-    scene_to_message,
-    state_to_message,
 )
 from hmap.requests import Caller
 from hmap_core.contacts.camera import Cloud

@@ -6,10 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hmap.conversions import path_to_response, state_from_message, state_to_message
+from hmap.conversions import state_from_message, state_to_message
 from hmap.nodes.contact_proposer import ContactProposer
 from hmap.nodes.komo_optimiser import KomoOptimiser
 from hmap.nodes.waypoint_planner import WaypointPlanner
+from hmap.phase_conversions import path_to_response
 from hmap.remote_backend import RosBackend
 from hmap.requests import error_from_message
 from hmap_core.contacts.feasibility import MAX_SOLVED

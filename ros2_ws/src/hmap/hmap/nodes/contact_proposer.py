@@ -3,13 +3,9 @@
 import sys
 import time
 
-from hmap.conversions import (
-    cloud_from_message,
-    contact_to_message,
-    known_object,
-    known_robots,
-)
+from hmap.conversions import cloud_from_message, known_object, known_robots
 from hmap.node import HmapNode, run
+from hmap.phase_conversions import contact_to_message
 from hmap.remote_backend import RosBackend
 from hmap.requests import Caller, scene_and_state, time_limit
 from hmap_core.planner import LocalBackend

@@ -4,14 +4,9 @@ import sys
 
 import numpy as np
 
-from hmap.conversions import (
-    contact_from_message,
-    known_object,
-    known_robots,
-    motion_to_response,
-    point_from_message,
-)
+from hmap.conversions import known_object, known_robots
 from hmap.node import HmapNode, run
+from hmap.phase_conversions import contact_from_message, motion_to_response, point_from_message
 from hmap.requests import scene_and_state, time_limit
 from hmap_core.exceptions import Code, ContactError, InputError
 from hmap_core.planner import LocalBackend

@@ -3,8 +3,9 @@
 import sys
 from dataclasses import replace
 
-from hmap.conversions import known_object, path_to_response
+from hmap.conversions import known_object
 from hmap.node import HmapNode, run
+from hmap.phase_conversions import path_to_response
 from hmap.requests import scene_and_state, time_limit
 from hmap_core.planner import LocalBackend
 from hmap_core.waypoints import NoObjectPath
