@@ -42,8 +42,8 @@ WAYPOINT_ROUNDS = 6  # object paths tried
 BLOCKED_ROUNDS = 2  # of these, in which an obstacle could not be put out of the way
 HANDS_TRIED = 3  # of a robot, with which a path is sought
 REMOVAL_ROUNDS = 2  # of an obstacle: sliding where it can, and lifted
-WAYPOINT_TIME = 10.0  # s for one of them
-PLACE_TIME = 2.0  # s for the path of an obstacle to one of several places
+WAYPOINT_CHECKS = 500_000  # motions for one of them, some 5 s
+PLACE_CHECKS = 100_000  # motions for the path of an obstacle to one of several places
 PUSHED_PATHS = 3  # of pushes, for one object path
 REACH_TRIES = 2  # samplings of contacts without success, after which the goal counts as out of reach
 TOOLS_TRIED = 6  # holds on tools that are tried at one waypoint
@@ -241,16 +241,16 @@ class Planner:
         state = put_back(course.state, course.grip)
         goal = self._goal_of(errand, state, attempt)
         scene = self._path_scene(errand, course, attempt)
-        limit = WAYPOINT_TIME if errand.depth == 0 else PLACE_TIME
+        checks = WAYPOINT_CHECKS if errand.depth == 0 else PLACE_CHECKS
         try:
-            poses = self._path(scene, state, goal, limit).poses
+            poses = self._path(scene, state, goal, checks).poses
             return self._pushable(state, goal.object, poses, attempt), ()
         except NoObjectPath as error:
             if not error.free_without:
                 raise
             blockers, path = error.free_without, error.path_without
         if path is None:
-            path = self._path(without(scene, blockers), state, goal, limit)
+            path = self._path(without(scene, blockers), state, goal, checks)
         return path.poses, blockers
 
     def _goal_of(self, errand: Errand, state: SceneState, attempt: int) -> Goal:
@@ -307,9 +307,8 @@ class Planner:
         removable = {name: self.scene.removable[name] for name in may_go(self.scene, errand, course)}
         return replace(self.scene, motion=motion, removable=removable)
 
-    def _path(self, scene: Scene, state: SceneState, goal: Goal, limit: float) -> ObjectPath:
-        limit = min(self._time_left(), limit)
-        return self.backend.plan_waypoints(scene, state, goal.object, goal, self._seed(), limit)
+    def _path(self, scene: Scene, state: SceneState, goal: Goal, checks: int) -> ObjectPath:
+        return self.backend.plan_waypoints(scene, state, goal.object, goal, self._seed(), self._time_left(), checks)
 
     def _segments(
         self, errand: Errand, course: Course, poses: np.ndarray, known: Unhindered | None = None
