@@ -39,9 +39,17 @@ class RosBackend(LocalBackend):
         self._caller = caller
 
     def plan_waypoints(
-        self, scene: Scene, state: SceneState, object: str, goal: Goal, seed: int, time_limit: float
+        self,
+        scene: Scene,
+        state: SceneState,
+        object: str,
+        goal: Goal,
+        seed: int,
+        time_limit: float,
+        checks: float = np.inf,
     ) -> ObjectPath:
         request = PlanWaypoints.Request(object=object, goal=pose_to_message(goal.pose, "goal"))
+        request.checks = int(checks) if np.isfinite(checks) else 0
         try:
             response = self._call(PlanWaypoints, "plan_waypoints", request, scene, state, seed, time_limit)
         except WaypointError as error:

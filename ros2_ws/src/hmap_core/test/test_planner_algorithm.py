@@ -31,7 +31,7 @@ class Script:
 
     grips = take = put_down = None  # there are no tools
 
-    def plan_waypoints(self, scene, state, object, goal, seed, time_limit):
+    def plan_waypoints(self, scene, state, object, goal, seed, time_limit, checks):
         self.calls.append("waypoints")
         self.seeds.append(seed)
         poses = interpolate(state.poses[object], goal.pose, np.linspace(0, 1, PATH))

@@ -3,6 +3,8 @@
 import sys
 from dataclasses import replace
 
+import numpy as np
+
 from hmap.conversions import known_object
 from hmap.node import HmapNode, run
 from hmap.phase_conversions import path_to_response
@@ -28,8 +30,9 @@ class WaypointPlanner(HmapNode):
         name = known_object(scene, request.object)
         goal = replace(scene.goal, object=name, pose=pose_from_message(request.goal, "goal"))
         limit = time_limit(request, self._time_limit)
+        checks = float(request.checks or np.inf)
         try:
-            path = self._backend.plan_waypoints(scene, state, name, goal, int(request.seed), limit)
+            path = self._backend.plan_waypoints(scene, state, name, goal, int(request.seed), limit, checks)
         except NoObjectPath as error:
             response.error = error_to_message(error)
             response.blocking = list(error.blockers)

@@ -40,14 +40,16 @@ from hmap_core.waypoints import NoObjectPath, ObjectPath, ObjectPathProblem, sli
 J_MAX = 40  # contacts tried at one waypoint before new waypoints are asked for (the paper's j_max)
 WAYPOINT_ROUNDS = 6  # object paths tried
 BLOCKED_ROUNDS = 2  # of these, in which an obstacle could not be put out of the way
+PATHS_AT_FIRST = 3  # object paths before others are sought for a hand, as long as they lead to no contact at all
 HANDS_TRIED = 3  # of a robot, with which a path is sought
 REMOVAL_ROUNDS = 2  # of an obstacle: sliding where it can, and lifted
-WAYPOINT_TIME = 10.0  # s for one of them
-PLACE_TIME = 2.0  # s for the path of an obstacle to one of several places
+WAYPOINT_CHECKS = 500_000  # motions for one of them, some 5 s
+PLACE_CHECKS = 100_000  # motions for the path of an obstacle to one of several places
 PUSHED_PATHS = 3  # of pushes, for one object path
 REACH_TRIES = 2  # samplings of contacts without success, after which the goal counts as out of reach
 TOOLS_TRIED = 6  # holds on tools that are tried at one waypoint
 LITTLE = 8  # poses of the path: contacts by hand that serve for less are not worth much where there are tools
+SAMPLINGS = 3  # of contacts by hand at one waypoint before tools are thought of, which takes ten times as long
 TRIES_WITH_TOOL = 4  # contacts tried with one hold on a tool before another hold is
 REACH_TURNS = 2  # of an object that slides, in which it is asked about, too
 LEVEL_PATH = 1e-3  # m that a path may rise where the object slides
@@ -173,12 +175,18 @@ class Planner:
         Raises WaypointError or InputError when there is no path, RemovalError when what is in its way cannot go,
         ContactError when the task's goal is out of reach.
         """
-        object = errand.goal.object
-        self._report("waypoints", text=f"path of '{object}' {errand.reason}")
-        poses, blockers = self._way(errand, course, attempt)
-        self.counts["waypoint_plans"] += 1
-        ready = self._cleared(errand, course, poses, blockers)
-        found = ready and self._segments(errand, ready[0], poses, ready[1])
+        tries, known = self.counts["contact_tries"], []
+        for _ in range(PATHS_AT_FIRST if attempt == 0 else 1):
+            self._report("waypoints", text=f"path of '{errand.goal.object}' {errand.reason}")
+            poses, blockers = self._way(errand, course, attempt)
+            if any(np.array_equal(poses, other) for other in known):
+                continue  # and the next one may differ
+            known.append(poses)
+            self.counts["waypoint_plans"] += 1
+            ready = self._cleared(errand, course, poses, blockers)
+            found = ready and self._segments(errand, ready[0], poses, ready[1])
+            if found or blockers or self.counts["contact_tries"] > tries:
+                break
         found = found or self._with_a_hand(errand, course, attempt)
         for other in self._on_the_support(errand, ready[0], poses, attempt) if ready and found is None else ():
             found = self._segments(errand, ready[0], other)
@@ -241,16 +249,16 @@ class Planner:
         state = put_back(course.state, course.grip)
         goal = self._goal_of(errand, state, attempt)
         scene = self._path_scene(errand, course, attempt)
-        limit = WAYPOINT_TIME if errand.depth == 0 else PLACE_TIME
+        checks = WAYPOINT_CHECKS if errand.depth == 0 else PLACE_CHECKS
         try:
-            poses = self._path(scene, state, goal, limit).poses
+            poses = self._path(scene, state, goal, checks).poses
             return self._pushable(state, goal.object, poses, attempt), ()
         except NoObjectPath as error:
             if not error.free_without:
                 raise
             blockers, path = error.free_without, error.path_without
         if path is None:
-            path = self._path(without(scene, blockers), state, goal, limit)
+            path = self._path(without(scene, blockers), state, goal, checks)
         return path.poses, blockers
 
     def _goal_of(self, errand: Errand, state: SceneState, attempt: int) -> Goal:
@@ -307,9 +315,8 @@ class Planner:
         removable = {name: self.scene.removable[name] for name in may_go(self.scene, errand, course)}
         return replace(self.scene, motion=motion, removable=removable)
 
-    def _path(self, scene: Scene, state: SceneState, goal: Goal, limit: float) -> ObjectPath:
-        limit = min(self._time_left(), limit)
-        return self.backend.plan_waypoints(scene, state, goal.object, goal, self._seed(), limit)
+    def _path(self, scene: Scene, state: SceneState, goal: Goal, checks: int) -> ObjectPath:
+        return self.backend.plan_waypoints(scene, state, goal.object, goal, self._seed(), self._time_left(), checks)
 
     def _segments(
         self, errand: Errand, course: Course, poses: np.ndarray, known: Unhindered | None = None
@@ -387,8 +394,10 @@ class Planner:
         """
         free, robots = put_back(course.state, course.grip), tuple(self.scene.robots)
 
-        def by_hand(least: int):
-            return self._by_contacts(object, course, self.scene, free, robots, ahead, at, total, least=least)
+        def by_hand(least: int, samplings: int = 1):
+            return self._by_contacts(
+                object, course, self.scene, free, robots, ahead, at, total, least=least, samplings=samplings
+            )
 
         found = None
         if course.grip is not None:
@@ -396,8 +405,8 @@ class Planner:
             if found is None:
                 scene = holding(self.scene, course.grip)
                 found = self._by_contacts(object, course, scene, course.state, (course.grip.robot,), ahead, at, total)
-        least = min(LITTLE, len(ahead) - 1) if tools_of(self.scene, object) else 0
-        found = found or by_hand(least) or self._by_tool(object, course, ahead, at, total)
+        least, samplings = (min(LITTLE, len(ahead) - 1), SAMPLINGS) if tools_of(self.scene, object) else (0, 1)
+        found = found or by_hand(least, samplings) or self._by_tool(object, course, ahead, at, total)
         return by_hand(0) if found is None and least else found
 
     def _by_contacts(
@@ -412,21 +421,25 @@ class Planner:
         total,
         contacts=(),
         least=0,
+        samplings=1,
     ):
         """Contacts in a scene, in which a robot may hold a tool, until one gives a motion.
 
-        Those given come first; those that serve for less than ``least`` poses are left out.
+        Those given come first; those that serve for less than ``least`` poses are left out. Where none is found, they
+        are sampled ``samplings`` times.
         """
         tries, ready = 0, None
         most = J_MAX if scene is self.scene else TRIES_WITH_TOOL
         robots = nearest_first(scene, object, state, robots)
         while tries < most:
+            samplings -= 1
             try:
                 contacts = contacts or self._contacts(scene, state, object, ahead, robots, most - tries, at, total)
             except ContactError as error:
                 self._failed(error)
-                return None
             contacts = [contact for contact in contacts if contact.reach >= least]
+            if not contacts and samplings > 0:
+                continue
             if not contacts:
                 return None
             ready = ready or (self._put_down(course) if scene is self.scene else course)

@@ -18,7 +18,7 @@ from hmap_core.transforms import multiply, pose
 from hmap_core.types import Body, ContactPoint, Goal, Robot, Scene, SceneState, Shape, ShapeKind
 from hmap_core.waypoints import NoObjectPath
 
-TIME = 0.25  # s for one of them
+CHECKS = 4000  # motions for one of them; those that are found take some hundred
 
 
 def with_hand(body: Body, robot: Robot, contact: ContactPoint) -> Body:
@@ -46,9 +46,9 @@ def held_paths(
     for robot, contact in hands:
         joined = with_hand(body, scene.robots[robot], contact)
         around = replace(scene, motion=motion, bodies=scene.bodies | {object: joined})
-        seed, limit = int(rng.integers(2**31 - 1)), min(TIME, time_limit)
+        seed = int(rng.integers(2**31 - 1))
         try:
-            poses = backend.plan_waypoints(around, state, object, goal, seed, limit).poses
+            poses = backend.plan_waypoints(around, state, object, goal, seed, time_limit, CHECKS).poses
             yield HeldPath(object, poses, robot, contact)
         except NoObjectPath as error:
             if error.free_without and error.path_without is not None:

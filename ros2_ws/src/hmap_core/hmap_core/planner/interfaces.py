@@ -101,9 +101,16 @@ class Backend(Protocol):
     """The three phases of H-MaP. Each raises the HmapError of its stage, with the reason."""
 
     def plan_waypoints(
-        self, scene: Scene, state: SceneState, object: str, goal: Goal, seed: int, time_limit: float
+        self,
+        scene: Scene,
+        state: SceneState,
+        object: str,
+        goal: Goal,
+        seed: int,
+        time_limit: float,
+        checks: float = np.inf,
     ) -> ObjectPath:
-        """Algorithm 2. Raises WaypointError or InputError."""
+        """Algorithm 2, in which trees check at most ``checks`` motions. Raises WaypointError or InputError."""
         ...
 
     def propose_contacts(

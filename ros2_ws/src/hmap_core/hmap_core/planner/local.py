@@ -75,7 +75,14 @@ class LocalBackend:
         self._stands: tuple[tuple, np.ndarray] = ((), np.zeros(0, bool))  # the last answer: all robots ask the same
 
     def plan_waypoints(
-        self, scene: Scene, state: SceneState, object: str, goal: Goal, seed: int, time_limit: float
+        self,
+        scene: Scene,
+        state: SceneState,
+        object: str,
+        goal: Goal,
+        seed: int,
+        time_limit: float,
+        checks: float = np.inf,
     ) -> ObjectPath:
         """Algorithm 2."""
         problem = ObjectPathProblem(
@@ -87,7 +94,7 @@ class LocalBackend:
             DEFAULT_MARGIN if scene.mode == TaskMode.KINEMATIC else PHYSICAL_MARGIN,
             removable=frozenset(scene.removable),
         )
-        return plan_waypoints(problem, np.random.default_rng(seed), time_limit)
+        return plan_waypoints(problem, np.random.default_rng(seed), time_limit, checks)
 
     def propose_contacts(
         self,

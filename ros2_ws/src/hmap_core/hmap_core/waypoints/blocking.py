@@ -1,11 +1,11 @@
 """Which bodies have to go so that the object has a path: as few as a linear number of searches finds."""
 
-import time
 from dataclasses import dataclass
 
 import numpy as np
 
 from hmap_core.waypoints.checker import Geometry, ObjectChecker, recentred
+from hmap_core.waypoints.effort import Effort
 from hmap_core.waypoints.problem import ObjectPathProblem
 from hmap_core.waypoints.resample import resample
 from hmap_core.waypoints.rrt import ROUNDS, rrt_path
@@ -30,7 +30,7 @@ def fewest_removals(
     found: Corners,
     needed: frozenset[str],
     rng: np.random.Generator,
-    deadline: float,
+    effort: Effort,
 ) -> Removal:
     """Bodies without which there is a path; none of them could stay, as far as the searches can tell.
 
@@ -45,23 +45,23 @@ def fewest_removals(
         found: a path without any of the removable ones.
         needed: removable bodies that stand where the object has to go.
         rng: the only source of randomness.
-        deadline: ``time.monotonic()`` after which what is known by then is the answer.
+        effort: what may be done at most; then what is known is the answer.
     """
-    best = _Fewest(problem, needed, rng, deadline).search(found)
+    best = _Fewest(problem, needed, rng, effort).search(found)
     checker = checker_like(best.corners, problem.without(frozenset(best.names)))
     return Removal(best.names, Corners(best.corners.poses, checker, best.corners.middle))
 
 
 class _Fewest:
-    def __init__(self, problem, needed, rng, deadline):
-        self.problem, self.needed, self.rng, self.deadline = problem, needed, rng, deadline
+    def __init__(self, problem, needed, rng, effort: Effort):
+        self.problem, self.needed, self.rng, self.effort = problem, needed, rng, effort
         self.vital = set(needed)  # have to go whatever else goes
 
     def search(self, found: Corners) -> Removal:
         best = self._trimmed(self._of(found), np.inf)
         left = ALTERNATIVES
         questions = self._questions(best)
-        while questions and left and len(best.names) > max(1, len(self.vital)) and self._in_time():
+        while questions and left and len(best.names) > max(1, len(self.vital)) and not self.effort.over:
             staying = questions.pop(0)
             other = self._without(self.problem.removable - staying)
             if other is None:
@@ -83,7 +83,7 @@ class _Fewest:
     def _trimmed(self, removal: Removal, limit: float) -> Removal:
         """Let those stay that need not go; given up when ``limit`` bodies or more have to."""
         stuck = set(self.vital)
-        while self._in_time() and len(stuck) < limit:
+        while not self.effort.over and len(stuck) < limit:
             name = next((n for n in removal.names if n not in stuck), None)
             if name is None or len(removal.names) == 1:
                 break
@@ -97,7 +97,7 @@ class _Fewest:
 
     def _without(self, gone: frozenset[str]) -> Removal | None:
         """What a search with these bodies gone, and all others in their places, finds."""
-        corners = ObjectSearch(self.problem.without(gone)).rounds(self.rng, self.deadline, ROUNDS_PER_BODY)
+        corners = ObjectSearch(self.problem.without(gone)).rounds(self.rng, self.effort, ROUNDS_PER_BODY)
         return None if corners is None else self._of(corners)
 
     def _round(self, corners: Corners, gone: frozenset[str]) -> Removal | None:
@@ -109,16 +109,13 @@ class _Fewest:
             return self._of(Corners(dense, checker, corners.middle))
         first, last = int(np.argmin(free)), len(free) - int(np.argmin(free[::-1]))
         bounds = search_bounds(recentred(self.problem, corners.middle), checker)
-        way = rrt_path(checker, [dense[first]], [dense[last]], bounds, self.rng, self.deadline, rounds=ROUNDS[:1])
+        way = rrt_path(checker, [dense[first]], [dense[last]], bounds, self.rng, self.effort, rounds=ROUNDS[:1])
         if way is None:
             return None
         return self._of(Corners(np.concatenate([dense[:first], way, dense[last + 1 :]]), checker, corners.middle))
 
     def _of(self, corners: Corners) -> Removal:
         return Removal(removables_hit(self.problem, corners, self.needed), corners)
-
-    def _in_time(self) -> bool:
-        return time.monotonic() < self.deadline
 
 
 def removables_hit(problem: ObjectPathProblem, found: Corners, needed: frozenset[str]) -> tuple[str, ...]:

@@ -1,12 +1,11 @@
 """Algorithm 2 of the paper, ObjectBasedRRT: a path of the object alone, and its waypoints."""
 
-import time
-
 import numpy as np
 
 from hmap_core.transforms import multiply, pose
 from hmap_core.waypoints.blocking import Removal, fewest_removals
 from hmap_core.waypoints.checker import check_ends, flattened
+from hmap_core.waypoints.effort import Effort
 from hmap_core.waypoints.problem import NoObjectPath, ObjectPath, ObjectPathProblem
 from hmap_core.waypoints.resample import chord_step, consistent, cut, resample
 from hmap_core.waypoints.search import Corners, ObjectSearch
@@ -15,12 +14,15 @@ from hmap_core.waypoints.shorten import smooth
 DEFAULT_TIME_LIMIT = 5.0  # s
 # rounds in which a way past the removable bodies is sought before it is asked whether they are what blocks
 ROUNDS_PAST_REMOVABLE = 2
-# share of the time limit for that question
+# share of the effort for that question
 REMOVAL_SHARE = 0.25
 
 
 def plan_waypoints(
-    problem: ObjectPathProblem, rng: np.random.Generator, time_limit_s: float = DEFAULT_TIME_LIMIT
+    problem: ObjectPathProblem,
+    rng: np.random.Generator,
+    time_limit_s: float = DEFAULT_TIME_LIMIT,
+    checks: float = np.inf,
 ) -> ObjectPath:
     """Plan the object's own path and cut it into waypoints.
 
@@ -28,39 +30,39 @@ def plan_waypoints(
         problem: the body, its start and goal, what stands around.
         rng: the only source of randomness; the same state gives the same path unless the time limit strikes.
         time_limit_s: wall-clock seconds for the search, the question what blocks included.
+        checks: motions that its trees may check; the search ends there, and does so again with the same rng.
 
     Raises:
         InputError: START_IN_COLLISION or GOAL_IN_COLLISION, with the bodies and depths; but a removable body may
             stand at the goal.
         NoObjectPath: nothing found; says what blocks and which removable bodies would have to go.
     """
-    began = time.monotonic()
-    deadline = began + time_limit_s
+    effort = Effort(time_limit_s, checks)
     needed = check_ends(problem)
     search = ObjectSearch(problem)
     if not problem.removable:
-        found = search.rounds(rng, deadline)
+        found = search.rounds(rng, effort)
     else:
-        found = _past_or_through(problem, search, needed, rng, deadline - REMOVAL_SHARE * time_limit_s, deadline)
+        found = _past_or_through(problem, search, needed, rng, effort)
     if found is None:
         raise _failure(search, needed)
     return _finished(problem, found, rng)
 
 
-def _past_or_through(problem, search, needed, rng, early, deadline) -> Corners | None:
+def _past_or_through(problem, search, needed, rng, effort: Effort) -> Corners | None:
     """A path past the removable bodies; raises NoObjectPath when there seems to be one only with some of them gone.
 
-    Both are sought in turn; ``early`` is when the first question has to be done with.
+    Both are sought in turn.
     """
-    found = None if needed else search.rounds(rng, early, ROUNDS_PAST_REMOVABLE)
+    found = None if needed else search.rounds(rng, effort.share(1.0 - REMOVAL_SHARE), ROUNDS_PAST_REMOVABLE)
     emptied = ObjectSearch(problem.without(problem.removable))
-    while found is None and not emptied.hopeless and time.monotonic() < deadline:
-        through = emptied.round(rng, deadline)
+    while found is None and not emptied.hopeless and not effort.over:
+        through = emptied.round(rng, effort)
         if through is not None:
-            removal = fewest_removals(problem, through, needed, rng, deadline)
+            removal = fewest_removals(problem, through, needed, rng, effort)
             path = _finished(problem.without(frozenset(removal.names)), removal.corners, rng)
             raise _failure(search, needed, removal, path)
-        found = None if needed else search.round(rng, deadline)
+        found = None if needed else search.round(rng, effort)
     return found
 
 

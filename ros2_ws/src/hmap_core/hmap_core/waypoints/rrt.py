@@ -1,11 +1,10 @@
 """RRTConnect on the object alone, with exact checks of whole motions; all of it compiled (``trees``)."""
 
-import time
-
 import numpy as np
 
 from hmap_core.waypoints import trees
 from hmap_core.waypoints.checker import ObjectChecker
+from hmap_core.waypoints.effort import Effort
 
 # longest step of a tree as a fraction of the space's extent, and motions checked before the next is tried
 ROUNDS = ((0.2, 200), (0.03, 4000))
@@ -21,7 +20,7 @@ def rrt_path(
     goals: list[np.ndarray],
     bounds: np.ndarray,
     rng: np.random.Generator,
-    deadline: float,
+    effort: Effort,
     scale: int = 1,
     rounds: tuple[tuple[float, int], ...] = ROUNDS,
 ) -> np.ndarray | None:
@@ -32,18 +31,18 @@ def rrt_path(
         starts, goals: poses (7,), free, reachable from the true start and goal.
         bounds: (2, 3) lower and upper position, m.
         rng: the only source of randomness.
-        deadline: ``time.monotonic()`` after which to give up.
+        effort: what may be done at most.
         scale: each round checks this many times its motions.
         rounds: of each the longest step as a fraction of the space's extent, and the motions checked.
     """
     for fraction, budget in rounds:
-        path = _solve(checker, starts, goals, bounds, rng, fraction, budget * scale, deadline)
+        path = _solve(checker, starts, goals, bounds, rng, fraction, budget * scale, effort)
         if path is not None:
             return path
     return None
 
 
-def _solve(checker, starts, goals, bounds, rng, fraction, budget, deadline) -> np.ndarray | None:
+def _solve(checker, starts, goals, bounds, rng, fraction, budget, effort) -> np.ndarray | None:
     roots = (np.array(starts, float), np.array(goals, float))
     count = np.array([len(roots[0]), len(roots[1]), 0])
     nodes = np.empty((2, count.max() + budget, 7))
@@ -53,11 +52,13 @@ def _solve(checker, starts, goals, bounds, rng, fraction, budget, deadline) -> n
     link = np.array([-1, -1])
     space = _space(checker, roots[0][0], np.asarray(bounds, float), fraction)
     used = 0
-    while link[0] < 0 and used < budget and time.monotonic() < deadline:
-        more = trees.grow(nodes, parent, count, link, rng, space, *checker.arrays, min(SLICE, budget - used))
+    while link[0] < 0 and used < budget and not effort.over:
+        most = int(min(SLICE, budget - used, effort.checks))
+        more = trees.grow(nodes, parent, count, link, rng, space, *checker.arrays, most)
         if more == 0:
             break
         used += more
+        effort.spend(more)
         checker.checks += more
     if link[0] < 0:
         return None

@@ -1,12 +1,12 @@
 """The search for a free path of one body: planar and spatial motion, wide and narrow margins, in rounds that grow."""
 
-import time
 from dataclasses import dataclass
 
 import numpy as np
 
 from hmap_core.transforms import rotation_matrix
 from hmap_core.waypoints.checker import Geometry, ObjectChecker, body_middle, flattened, recentred
+from hmap_core.waypoints.effort import Effort
 from hmap_core.waypoints.kernels import lengths
 from hmap_core.waypoints.problem import ObjectPathProblem
 from hmap_core.waypoints.roadmap import SAME_POSE, direct_path, exits
@@ -64,12 +64,12 @@ class ObjectSearch:
             kinds.pop(0)
         return kinds[0].checkers
 
-    def round(self, rng: np.random.Generator, deadline: float) -> Corners | None:
+    def round(self, rng: np.random.Generator, effort: Effort) -> Corners | None:
         """A free path, or None when this round has found none.
 
         Args:
             rng: the only source of randomness.
-            deadline: ``time.monotonic()`` after which to give up.
+            effort: what may be done at most.
         """
         for k, kind in enumerate(list(self._kinds)):
             waiting = 0 if k == 0 or self._kinds[0].hopeless else PLANAR_ROUNDS
@@ -77,19 +77,19 @@ class ObjectSearch:
                 continue
             if not kind.checkers and not kind.prepare(self._geometry, last=k == len(self._kinds) - 1):
                 self._kinds.remove(kind)
-                return self.round(rng, deadline)
+                return self.round(rng, effort)
             self.checkers += [c for c in kind.checkers if c not in self.checkers]
-            found = kind.search(self._rounds - waiting, rng, deadline)
+            found = kind.search(self._rounds - waiting, rng, effort)
             if found is not None:
                 return Corners(found[1], found[0], self.middle)
         self._rounds += 1
         return None
 
-    def rounds(self, rng: np.random.Generator, deadline: float, count: int | None = None) -> Corners | None:
-        """What the first successful of ``count`` rounds finds (None: as many as there is time for), or None."""
+    def rounds(self, rng: np.random.Generator, effort: Effort, count: int | None = None) -> Corners | None:
+        """What the first successful of ``count`` rounds finds (None: as many as the effort allows), or None."""
         done = 0
-        while not self.hopeless and time.monotonic() < deadline and (count is None or done < count):
-            found = self.round(rng, deadline)
+        while not self.hopeless and not effort.over and (count is None or done < count):
+            found = self.round(rng, effort)
             if found is not None:
                 return found
             done += 1
@@ -117,7 +117,7 @@ class _Kind:
         self.bounds = search_bounds(problem, checker)
         return True
 
-    def search(self, number: int, rng, deadline) -> tuple[ObjectChecker, np.ndarray] | None:
+    def search(self, number: int, rng, effort: Effort) -> tuple[ObjectChecker, np.ndarray] | None:
         """A free path (n, 7) and the checker that allows it.
 
         Straight, else in the plane by two trees that grow for a moment, else by the small roadmap; then by trees from
@@ -129,7 +129,7 @@ class _Kind:
         goal = np.asarray(self.problem.goal, float)
         goal = flattened(self.problem, goal) if self.planar else goal
         for checker in self.checkers[len(self.ends) :]:
-            path = _first_tries(checker, start, goal, self.bounds, rng, deadline)
+            path = _first_tries(checker, start, goal, self.bounds, rng, effort)
             if path is not None:
                 return checker, path
             if self.planar and not self.ends:
@@ -138,7 +138,7 @@ class _Kind:
                 return None
             self.ends.append(tuple([T, *exits(checker, T, o, self.bounds)] for T, o in ((start, goal), (goal, start))))
         for checker, (starts, goals) in zip(self.checkers, self.ends, strict=True):
-            path = rrt_path(checker, starts, goals, self.bounds, rng, deadline, GROWTH**number)
+            path = rrt_path(checker, starts, goals, self.bounds, rng, effort, GROWTH**number)
             if path is not None:
                 # a tree may begin at an exit; the way from the true end to it was found free
                 path = np.concatenate([starts[:1], path, goals[:1]])
@@ -148,7 +148,7 @@ class _Kind:
 
 def find_corners(problem: ObjectPathProblem, rng: np.random.Generator, time_limit_s: float) -> Corners | None:
     """Any free path, or None when none was found in time; start and goal are taken to be free."""
-    return ObjectSearch(problem).rounds(rng, time.monotonic() + time_limit_s)
+    return ObjectSearch(problem).rounds(rng, Effort(time_limit_s))
 
 
 def search_bounds(problem: ObjectPathProblem, checker: ObjectChecker) -> np.ndarray:
@@ -181,11 +181,11 @@ def _planar_possible(problem: ObjectPathProblem) -> bool:
     return bool(abs(problem.start[2] - problem.goal[2]) <= SAME_HEIGHT and tilt <= SAME_TILT)
 
 
-def _first_tries(checker, start, goal, bounds, rng, deadline) -> np.ndarray | None:
+def _first_tries(checker, start, goal, bounds, rng, effort: Effort) -> np.ndarray | None:
     """What is fast where it works; poses (n, 7) or None."""
     if checker.motion_free(start, goal):
         return np.array([start, goal])
     path = None
     if checker.planar:  # in space the trees go round what the roadmap lifts the body over
-        path = rrt_path(checker, [start], [goal], bounds, rng, deadline, rounds=ROUNDS[:1])
+        path = rrt_path(checker, [start], [goal], bounds, rng, effort, rounds=ROUNDS[:1])
     return direct_path(checker, start, goal, bounds) if path is None else path
