@@ -9,7 +9,7 @@ import validation_fixtures as plans
 from scipy.spatial.transform import Rotation, Slerp
 
 from hmap_core.validation import arm, document, rigid
-from hmap_core.validation.geometry import Gauge, box_gap, hull, solid, transform
+from hmap_core.validation.geometry import Boxes, Gauge, box_gap, hull, solid, transform
 from hmap_core.validation.reader import Reader
 from hmap_core.validation.support import Supporter, overlap
 from hmap_core.validation.world import World
@@ -134,7 +134,7 @@ def test_box_gap_is_a_lower_bound(first, second):
     a, b = SOLIDS[first], SOLIDS[second]
     Ra, pa = random_frames(rng, 40)
     Rb, pb = random_frames(rng, 40)
-    bound = box_gap(a, Ra, pa, b, Rb, pb)
+    bound = box_gap(Boxes.around(a, Ra, pa), Boxes.around(b, Rb, pb))
     gauge = Gauge(a, b)
     measured = np.array([gauge.distance(transform(Ra[k], pa[k]), transform(Rb[k], pb[k])) for k in range(40)])
     assert np.all(bound <= measured + 1e-9)

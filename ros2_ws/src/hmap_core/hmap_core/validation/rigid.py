@@ -17,12 +17,30 @@ def matrices(quaternions: np.ndarray) -> np.ndarray:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
+def cross_matrix(axis: np.ndarray) -> np.ndarray:
+    """The matrix (3, 3) whose product with a vector is the cross product of ``axis`` (3,) with it."""
+    x, y, z = axis
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
 def about_axis(axis: np.ndarray, angles: np.ndarray) -> np.ndarray:
     """Rotation matrices (N, 3, 3) about a unit axis (3,) by angles (N,) in radians (Rodrigues' formula)."""
-    x, y, z = axis
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    K = cross_matrix(axis)
     s, c = np.sin(angles)[:, None, None], np.cos(angles)[:, None, None]
     return np.eye(3) + s * K + (1.0 - c) * (K @ K)
+
+
+def apply(R: np.ndarray, constant: np.ndarray) -> np.ndarray:
+    """The rotations R (N, 3, 3) times one vector (3,) or one matrix (3, 3): (N, 3) or (N, 3, 3)."""
+    # as one product of all rows: numpy's own loop over N small products takes ten times as long
+    return (R.reshape(-1, 3) @ constant).reshape(len(R), 3, *constant.shape[1:])
+
+
+def turned(R: np.ndarray, axis: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """The rotations R (N, 3, 3) followed by turns about an axis (3,) of their own frame by angles (N,)."""
+    K = cross_matrix(axis)
+    s, c = np.sin(angles)[:, None, None], np.cos(angles)[:, None, None]
+    return R + s * apply(R, K) + (1.0 - c) * apply(R, K @ K)
 
 
 def from_rpy(rpy: np.ndarray) -> np.ndarray:

@@ -49,7 +49,7 @@ class Part:
     def frames(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         """Rotations (M, 3, 3) and positions (M, 3) of the shape."""
         R, p = state.bodies[self.holder] if self.link is None else state.links[self.holder][self.link]
-        return R @ self.R, p + R @ self.p
+        return rigid.apply(R, self.R), p + rigid.apply(R, self.p)
 
 
 class Track:
