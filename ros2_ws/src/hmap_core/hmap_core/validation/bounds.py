@@ -11,7 +11,7 @@ from hmap_core.validation.pairs import Pair
 from hmap_core.validation.world import World
 
 STRIDE = 16  # samples between two looks at every pair; only stretches that these do not clear are looked at again
-AT_ONCE = 50_000  # boxes that are compared together
+AT_ONCE = 4096  # boxes that are compared together; their numbers fit in a processor's cache
 
 
 class PartBoxes:

@@ -77,18 +77,37 @@ class Contact:
 
     @cached_property
     def gaps(self) -> dict[str, np.ndarray]:
-        """Distance (n,) in metres of each owner's parts from the object at the samples of the contact."""
-        steps = range(self.segment.first, self.segment.last + 1)
+        """Distance (n,) in metres of each owner's parts from the object at the samples of the contact.
+
+        It is measured at the first; where that and the motion since then show that it is at most
+        ``limits.CONTACT_GAP``, this bound stands for it.
+        """
         objects = self.world.parts_of(self.object)
-        gaps = {}
-        for owner, parts in self.touching.items():
-            pairs = [(a, b, Gauge(a.solid, b.solid)) for a in parts for b in objects]
-            gaps[owner] = np.array([self._nearest(pairs, k) for k in steps])
-        return gaps
+        return {owner: self._gap(parts, objects) for owner, parts in self.touching.items()}
+
+    def _gap(self, parts: list[Part], objects: list[Part]) -> np.ndarray:
+        first = self.segment.first
+        pairs = [(a, b, Gauge(a.solid, b.solid)) for a in parts for b in objects]
+        if not pairs:
+            return np.full(self.segment.last + 1 - first, np.inf)
+        gap = self._nearest(pairs, first) + self._moved(parts[0], max(part.reach for part in objects))
+        for i in np.flatnonzero(~(gap <= limits.CONTACT_GAP)):
+            gap[i] = self._nearest(pairs, first + int(i))
+        return gap
+
+    def _moved(self, part: Part, reach: float) -> np.ndarray:
+        """How far (n,) in metres points of the object, within reach of its frame, are from where they were at first.
+
+        As seen from what the part belongs to.
+        """
+        (Ra, pa), (Rb, pb) = part.place(self.world.state), self.world.state.bodies[self.object]
+        R, p = rigid.relative(Ra[self.window], pa[self.window], Rb[self.window], pb[self.window])
+        moved, turned = rigid.deviation(R, p, R[0], p[0])
+        return moved + turned * reach
 
     def _nearest(self, pairs: list[tuple[Part, Part, Gauge]], k: int) -> float:
         tracks = self.world.tracks
-        return min((gauge.distance(tracks[a].at(k), tracks[b].at(k)) for a, b, gauge in pairs), default=np.inf)
+        return min(gauge.distance(tracks[a].at(k), tracks[b].at(k)) for a, b, gauge in pairs)
 
     @cached_property
     def gap(self) -> np.ndarray:
