@@ -1,7 +1,7 @@
 """Penetration at the samples and between them, by bounds on motion.
 
-What the bounds of :mod:`hmap_core.validation.bounds` do not clear is measured: stretches are halved, down to the samples
-and then between them, until the bound on the motion between two looks is under ``limits.MOTION_BOUND``.
+What the bounds of :mod:`hmap_core.validation.bounds` do not clear is measured: stretches are halved, down to the
+samples and then between them, until the bound on the motion between two looks is under ``limits.MOTION_BOUND``.
 """
 
 from dataclasses import dataclass, field

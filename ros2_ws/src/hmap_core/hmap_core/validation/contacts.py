@@ -76,44 +76,37 @@ class Contact:
         return rigid.relative(Ro[window], po[window], R[window], p[window])
 
     @cached_property
-    def gaps(self) -> dict[str, np.ndarray]:
-        """Distance (n,) in metres of each owner's parts from the object at the samples of the contact.
+    def gap(self) -> np.ndarray:
+        """The distance in metres that counts for the contact, (n,) at its samples.
 
-        It is measured at the first; where that and the motion since then show that it is at most
-        ``limits.CONTACT_GAP``, this bound stands for it.
+        That of the farther finger of a grasp, of the nearest part of a touch or push. It is measured at the first
+        sample; where that and the motion since then show that it is at most ``limits.CONTACT_GAP``, this upper bound
+        stands for it.
         """
-        objects = self.world.parts_of(self.object)
-        return {owner: self._gap(parts, objects) for owner, parts in self.touching.items()}
-
-    def _gap(self, parts: list[Part], objects: list[Part]) -> np.ndarray:
-        first = self.segment.first
-        pairs = [(a, b, Gauge(a.solid, b.solid)) for a in parts for b in objects]
-        if not pairs:
-            return np.full(self.segment.last + 1 - first, np.inf)
-        gap = self._nearest(pairs, first) + self._moved(parts[0], max(part.reach for part in objects))
+        combine = np.max if self.kind == "grasp" and not self.by_tool else np.min
+        first, objects = self.segment.first, self.world.parts_of(self.object)
+        owners = [[(a, b, Gauge(a.solid, b.solid)) for a in parts for b in objects] for parts in self.touching.values()]
+        gap = combine([self._nearest(pairs, first) + self._moved(pairs) for pairs in owners], axis=0)
         for i in np.flatnonzero(~(gap <= limits.CONTACT_GAP)):
-            gap[i] = self._nearest(pairs, first + int(i))
+            gap[i] = combine([self._nearest(pairs, first + int(i)) for pairs in owners])
         return gap
 
-    def _moved(self, part: Part, reach: float) -> np.ndarray:
-        """How far (n,) in metres points of the object, within reach of its frame, are from where they were at first.
+    def _moved(self, pairs: list[tuple[Part, Part, Gauge]]) -> np.ndarray:
+        """How far (n,) in metres the object's points are from where they were at first, at most.
 
-        As seen from what the part belongs to.
+        As seen from the body or link to which the touching parts belong.
         """
-        (Ra, pa), (Rb, pb) = part.place(self.world.state), self.world.state.bodies[self.object]
-        R, p = rigid.relative(Ra[self.window], pa[self.window], Rb[self.window], pb[self.window])
+        state, samples = self.world.state, self.window
+        if not pairs:
+            return np.zeros(samples.stop - samples.start)
+        (Ra, pa), (Rb, pb) = pairs[0][0].place(state), state.bodies[self.object]
+        R, p = rigid.relative(Ra[samples], pa[samples], Rb[samples], pb[samples])
         moved, turned = rigid.deviation(R, p, R[0], p[0])
-        return moved + turned * reach
+        return moved + turned * max(b.reach for _, b, _ in pairs)
 
     def _nearest(self, pairs: list[tuple[Part, Part, Gauge]], k: int) -> float:
         tracks = self.world.tracks
-        return min(gauge.distance(tracks[a].at(k), tracks[b].at(k)) for a, b, gauge in pairs)
-
-    @cached_property
-    def gap(self) -> np.ndarray:
-        """What counts for the contact, (n,): both fingers of a grasp, the nearest part of a touch or push."""
-        combine = np.max if self.kind == "grasp" and not self.by_tool else np.min
-        return combine(np.array(list(self.gaps.values())), axis=0)
+        return min((gauge.distance(tracks[a].at(k), tracks[b].at(k)) for a, b, gauge in pairs), default=np.inf)
 
     def normals(self, k: int) -> list[tuple[np.ndarray, np.ndarray]]:
         """For each owner, where it touches at sample k: the point (3,) on the object and the normal (3,) into it."""

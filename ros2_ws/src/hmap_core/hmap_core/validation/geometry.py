@@ -212,7 +212,7 @@ class Boxes:
 
 
 def box_gap(a: Boxes, b: Boxes) -> np.ndarray:
-    """Lower bounds (n,) of the distances of the shapes in the boxes ``a`` from those in ``b``; -inf where these overlap.
+    """Lower bounds (n,) of the distances of the shapes in boxes ``a`` from those in ``b``; -inf where they overlap.
 
     The gaps along the three axes of one box are distances along orthogonal directions, so they add up by Pythagoras.
     """

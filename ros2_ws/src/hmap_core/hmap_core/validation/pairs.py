@@ -83,11 +83,10 @@ class PairBuilder:
             return None
         if frozenset((a.link, b.link)) in robot.data.ignored_collisions:
             return None
-        joints_a = {joint.name for joint in robot.moving(a.link)}
-        joints_b = {joint.name for joint in robot.moving(b.link)}
+        motion_a, motion_b = self._links[a], self._links[b]
         # joints below both carry them along together
-        own_a = [self._links[a][name] for name in joints_a - joints_b]
-        own_b = [self._links[b][name] for name in joints_b - joints_a]
+        own_a = [motion for name, motion in motion_a.items() if name not in motion_b]
+        own_b = [motion for name, motion in motion_b.items() if name not in motion_a]
         return Pair(a, b, sum(own_a + own_b, np.zeros(self._world.samples - 1)), clearance=False)
 
     def _is_immobile(self, part: Part) -> bool:

@@ -64,6 +64,14 @@ def turn_of(R: np.ndarray) -> np.ndarray:
     return np.arctan2(np.linalg.norm(axis, axis=-1), np.trace(R, axis1=-2, axis2=-1) - 1.0)
 
 
+def turn_along(R: np.ndarray) -> np.ndarray:
+    """Angles (N-1,) in [0, pi] between each two adjacent ones of rotation matrices (N, 3, 3)."""
+    # the chord between two rotations by the angle t has the Frobenius norm 2 sqrt(2) sin(t / 2)
+    chord = np.diff(R.reshape(-1, 9), axis=0)
+    half = np.sqrt(np.einsum("ij,ij->i", chord, chord)) / np.sqrt(8.0)
+    return 2.0 * np.arcsin(np.minimum(half, 1.0))
+
+
 def slerp(q_a: np.ndarray, q_b: np.ndarray, s: np.ndarray) -> np.ndarray:
     """Quaternions (N, 4) on the shortest arcs from ``q_a`` (s = 0) to ``q_b`` (s = 1), s (N,)."""
     q_b = np.where(np.sum(q_a * q_b, axis=-1, keepdims=True) < 0.0, -q_b, q_b)

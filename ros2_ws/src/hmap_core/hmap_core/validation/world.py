@@ -97,6 +97,11 @@ class World:
             {name: robot.frames(self.values[name]) for name, robot in self.arms.items()},
             {name: (rigid.matrices(poses[:, 3:]), poses[:, :3]) for name, poses in self.poses.items()},
         )
+        self._rates = {
+            (name, link): robot.rates(link, self.values[name])
+            for name, robot in self.arms.items()
+            for link in robot.tree.shaped
+        }
         self._steps = {name: _step_motion(poses) for name, poses in self.poses.items()}
         self.parts = [*self._robot_parts(), *self._body_parts()]
         self.tracks = {part: Track(part, self.state) for part in self.parts}
@@ -158,9 +163,9 @@ class World:
         acceleration, which is of second order in what the two turn and move (``docs/validation.md``).
         """
         R, p = rigid.relative(*self.state.links[link.holder][link.link], *self.state.bodies[body.holder])
-        turned, moved = rigid.turn_of(np.swapaxes(R[:-1], -1, -2) @ R[1:]), np.linalg.norm(np.diff(p, axis=0), axis=1)
+        turned, moved = rigid.turn_along(R), np.linalg.norm(np.diff(p, axis=0), axis=1)
         spin, speed = self._steps[body.holder][1], self.body_motion(body)
-        turn, slide, length = self.arms[link.holder].rates(link.link, self.values[link.holder])
+        turn, slide, length = self._rates[link.holder, link.link]
         far = np.linalg.norm(p[:-1], axis=1) + body.reach + speed + length + turn * length + slide
         own = spin**2 * body.reach
         carried = turn * (turn * (far + length) + speed + 2.0 * slide)
