@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from hmap_core.validation import arm, document, rigid
 from hmap_core.validation.geometry import Boxes, Gauge, box_gap, hull, solid, transform
 from hmap_core.validation.reader import Reader
-from hmap_core.validation.support import Supporter, overlap
+from hmap_core.validation.support import CLEARLY, Supporter, _guessed_inside, _halfspaces, overlap
 from hmap_core.validation.world import World
 
 PANDA = "pybullet_data://franka_panda/panda.urdf"
@@ -163,6 +163,30 @@ def test_slerp_and_angles_agree_with_scipy():
     np.testing.assert_allclose(
         rigid.turn_of(Rotation.from_quat(b).as_matrix()), Rotation.from_quat(b).magnitude(), atol=1e-7
     )
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.04, 0.0), (0.045, 0.03), (0.3, 0.3)])
+@pytest.mark.parametrize("angle", [0.0, 0.4])
+def test_overlap_of_a_box_with_its_support_is_the_same_from_any_point_inside(shift, angle, monkeypatch):
+    R = Rotation.from_euler("z", angle).as_matrix()
+    standing = SOLIDS["box"].points @ R.T + [*shift, 0.149]  # 1 mm deep
+    support = solid("box", (0.1, 0.1, 0.2)).points - [0.0, 0.0, 0.1]
+    guessed = overlap(standing, support)
+    monkeypatch.setattr("hmap_core.validation.support._guessed_inside", lambda *_: None)
+    exact = overlap(standing, support)
+    assert (guessed is None) == (exact is None) == (shift[0] == 0.3)
+    if exact is not None:
+        near = np.linalg.norm(guessed[:, None] - exact[None], axis=2)
+        assert near.min(axis=0).max() < 1e-9
+        assert near.min(axis=1).max() < 1e-9
+
+
+def test_a_guessed_point_is_inside_both():
+    a, b = SOLIDS["box"].points + [0.0, 0.0, 0.149], solid("box", (1.0, 1.0, 0.2)).points - [0.0, 0.0, 0.1]
+    x, y, z = _guessed_inside(a, _halfspaces(a), b, _halfspaces(b))
+    assert abs(x) < 0.05 - CLEARLY
+    assert abs(y) < 0.1 - CLEARLY
+    assert -1e-3 + CLEARLY < z < -CLEARLY
 
 
 def test_overlap_of_two_boxes_is_their_common_box():

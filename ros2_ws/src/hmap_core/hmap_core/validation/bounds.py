@@ -87,9 +87,9 @@ def _runs(rows: np.ndarray, steps: np.ndarray) -> dict[int, list[tuple[int, int]
     """Single steps (m,) of rows (m,) as runs of adjacent ones (first and last sample) by row."""
     order = np.lexsort((steps, rows))
     rows, steps = rows[order], steps[order]
-    begins = np.flatnonzero(np.append(True, (np.diff(rows) != 0) | (np.diff(steps) != 1))[: len(rows)])
-    ends = np.append(begins[1:], len(rows)) - 1
+    broken = (np.diff(rows) != 0) | (np.diff(steps) != 1)
+    begins, ends = np.append(True, broken)[: len(rows)], np.append(broken, True)[: len(rows)]
     runs: dict[int, list[tuple[int, int]]] = {}
-    for row, first, last in zip(rows[begins].tolist(), steps[begins].tolist(), steps[ends].tolist(), strict=False):
+    for row, first, last in zip(rows[begins].tolist(), steps[begins].tolist(), steps[ends].tolist(), strict=True):
         runs.setdefault(row, []).append((first, last + 1))
     return runs
