@@ -181,6 +181,12 @@ def test_overlap_of_a_box_with_its_support_is_the_same_from_any_point_inside(shi
         assert near.min(axis=1).max() < 1e-9
 
 
+@pytest.mark.parametrize(("gap", "meets"), [(-1e-3, True), (-3e-7, True), (-1e-7, False), (0.0, False), (0.01, False)])
+def test_boxes_side_by_side_overlap_only_when_a_ball_fits_between(gap, meets):
+    a = SOLIDS["box"].points
+    assert (overlap(a, a + [0.1 + gap, 0.02, 0.01]) is not None) == meets
+
+
 def test_a_guessed_point_is_inside_both():
     a, b = SOLIDS["box"].points + [0.0, 0.0, 0.149], solid("box", (1.0, 1.0, 0.2)).points - [0.0, 0.0, 0.1]
     x, y, z = _guessed_inside(a, _halfspaces(a), b, _halfspaces(b))

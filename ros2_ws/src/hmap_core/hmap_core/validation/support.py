@@ -51,6 +51,8 @@ def _halfspaces(points: np.ndarray) -> np.ndarray:
 def overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray | None:
     """Corners (n, 3) of the intersection of the hulls of two sets of points; None when it is empty."""
     of_a, of_b = _halfspaces(a), _halfspaces(b)
+    if _beyond_a_face(a, of_b) or _beyond_a_face(b, of_a):
+        return None
     rows = np.vstack([of_a, of_b])
     center = _guessed_inside(a, of_a, b, of_b)
     if center is None:
@@ -64,6 +66,11 @@ def overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray | None:
 def _depth(rows: np.ndarray, points: np.ndarray) -> np.ndarray:
     """How far points (n, 3) are inside halfspaces (m, 4), (n,) in metres; negative outside."""
     return -(points @ rows[:, :3].T + rows[:, 3]).max(axis=1)
+
+
+def _beyond_a_face(points: np.ndarray, rows: np.ndarray) -> bool:
+    """Whether no ball of radius ``EMPTY`` within the hull of points (n, 3) fits inside one of the halfspaces (m, 4)."""
+    return bool(np.any((points @ rows[:, :3].T + rows[:, 3]).min(axis=0) > -2.0 * EMPTY))
 
 
 def _guessed_inside(a: np.ndarray, of_a: np.ndarray, b: np.ndarray, of_b: np.ndarray) -> np.ndarray | None:
