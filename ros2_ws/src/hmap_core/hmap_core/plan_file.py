@@ -113,21 +113,14 @@ def to_dict(plan: Plan) -> dict[str, Any]:
     Raises:
         InputError: INVALID_PLAN_FILE when the plan holds NaN or infinity.
     """
-    trajectory = plan.trajectory
     document = {"format": FORMAT, "version": VERSION} | scene_to_dict(plan.scene)
     document |= {
         "stats": _jsonable(plan.stats),
-        "waypoints": listed(plan.waypoints),
+        "waypoints": _finite(plan.waypoints, "plan.waypoints"),
         "segments": [_segment_dict(segment) for segment in plan.segments],
-        "trajectory": {
-            "time": listed(trajectory.time),
-            "joints": {name: listed(samples) for name, samples in trajectory.joints.items()},
-            "gripper": {name: listed(samples) for name, samples in trajectory.gripper.items()},
-            "objects": {name: listed(samples) for name, samples in trajectory.objects.items()},
-        },
     }
     _check_finite(document, "plan")
-    return document
+    return document | {"trajectory": _trajectory_dict(plan.trajectory)}
 
 
 def from_dict(document: Any, source: str = "plan") -> Plan:
@@ -183,6 +176,24 @@ def load(path: str | Path) -> Plan:
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read: {error}", Code.INVALID_PLAN_FILE) from error
     return from_dict(read_json(text, str(path), Code.INVALID_PLAN_FILE), str(path))
+
+
+def _trajectory_dict(trajectory: Trajectory) -> dict[str, Any]:
+    def each(key: str) -> dict[str, list]:
+        named = getattr(trajectory, key).items()
+        return {name: _finite(samples, f"plan.trajectory.{key}.{name}") for name, samples in named}
+
+    time = _finite(trajectory.time, "plan.trajectory.time")
+    return {"time": time} | {key: each(key) for key in ("joints", "gripper", "objects")}
+
+
+def _finite(array: np.ndarray, key: str) -> list:
+    """An array as rounded lists; refused, with the place, when it holds NaN or infinity."""
+    wrong = np.argwhere(~np.isfinite(array))
+    if len(wrong):
+        place = "".join(f"[{i}]" for i in wrong[0])
+        raise InputError(f"{key}{place} = {array[tuple(wrong[0])]}: must be finite", Code.INVALID_PLAN_FILE)
+    return listed(array)
 
 
 def _segment_dict(segment: Segment) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from hmap_core.scenes import load_scene
 from hmap_core.transforms import pose
 from hmap_core.types import ContactKind, ContactPoint, Plan, Scene, Segment, SegmentKind, Trajectory
 from hmap_core.validation import document
+from hmap_core.validation.bounds import PartBoxes
 from hmap_core.validation.pairs import PairBuilder
 from hmap_core.validation.world import World
 
@@ -75,8 +76,10 @@ def depth(problem: SkeletonProblem, path: np.ndarray, openings: dict[str, list[f
     plan = Plan(workspace.scene, Trajectory(time, joints, gripper, objects), (whole,), np.zeros((0, 7)), {})
     world = World(document.read(to_dict(plan)))
     worst = 0.0, ()
+    boxes, samples = PartBoxes(world), np.arange(world.samples)
     for pair in PairBuilder(world, set()).build():
-        for k in np.flatnonzero(pair.lower_bounds(world) < 0.0):
+        a, b = boxes.rows([pair])
+        for k in np.flatnonzero(boxes.gaps(a, b, samples) < 0.0):
             d = pair.gauge.distance(world.tracks[pair.a].at(int(k)), world.tracks[pair.b].at(int(k)))
             worst = max(worst, (-d, (*pair.names, int(k))), key=lambda found: found[0])
     return worst

@@ -2,6 +2,7 @@
 
 import copy
 import json
+import re
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
@@ -189,6 +190,18 @@ def test_a_plan_with_nan_is_not_written(plan: Plan, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"plan.waypoints\[0\]\[0\] = nan"):
         plan_file.save(broken, tmp_path / "plan.json")
     assert not list(tmp_path.iterdir())
+
+
+def test_nan_in_a_trajectory_is_named_by_its_place(plan: Plan) -> None:
+    for key in ("joints", "gripper", "objects"):
+        arrays = {name: np.array(samples) for name, samples in getattr(plan.trajectory, key).items()}
+        name = next(iter(arrays))
+        place = (len(arrays[name]) - 1,) + (0,) * (arrays[name].ndim - 1)
+        arrays[name][place] = np.inf
+        broken = replace(plan, trajectory=replace(plan.trajectory, **{key: arrays}))
+        where = f"plan.trajectory.{key}.{name}{''.join(f'[{i}]' for i in place)} = inf"
+        with pytest.raises(InputError, match=re.escape(where)):
+            plan_file.to_dict(broken)
 
 
 def test_statistics_may_hold_numpy_values_and_nan(plan: Plan) -> None:

@@ -9,9 +9,9 @@ import validation_fixtures as plans
 from scipy.spatial.transform import Rotation, Slerp
 
 from hmap_core.validation import arm, document, rigid
-from hmap_core.validation.geometry import Gauge, box_gap, hull, solid, transform
+from hmap_core.validation.geometry import Boxes, Gauge, box_gap, hull, solid, transform
 from hmap_core.validation.reader import Reader
-from hmap_core.validation.support import Supporter, overlap
+from hmap_core.validation.support import CLEARLY, Supporter, _guessed_inside, _halfspaces, overlap
 from hmap_core.validation.world import World
 
 PANDA = "pybullet_data://franka_panda/panda.urdf"
@@ -134,7 +134,7 @@ def test_box_gap_is_a_lower_bound(first, second):
     a, b = SOLIDS[first], SOLIDS[second]
     Ra, pa = random_frames(rng, 40)
     Rb, pb = random_frames(rng, 40)
-    bound = box_gap(a, Ra, pa, b, Rb, pb)
+    bound = box_gap(Boxes.around(a, Ra, pa), Boxes.around(b, Rb, pb))
     gauge = Gauge(a, b)
     measured = np.array([gauge.distance(transform(Ra[k], pa[k]), transform(Rb[k], pb[k])) for k in range(40)])
     assert np.all(bound <= measured + 1e-9)
@@ -163,6 +163,36 @@ def test_slerp_and_angles_agree_with_scipy():
     np.testing.assert_allclose(
         rigid.turn_of(Rotation.from_quat(b).as_matrix()), Rotation.from_quat(b).magnitude(), atol=1e-7
     )
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.04, 0.0), (0.045, 0.03), (0.3, 0.3)])
+@pytest.mark.parametrize("angle", [0.0, 0.4])
+def test_overlap_of_a_box_with_its_support_is_the_same_from_any_point_inside(shift, angle, monkeypatch):
+    R = Rotation.from_euler("z", angle).as_matrix()
+    standing = SOLIDS["box"].points @ R.T + [*shift, 0.149]  # 1 mm deep
+    support = solid("box", (0.1, 0.1, 0.2)).points - [0.0, 0.0, 0.1]
+    guessed = overlap(standing, support)
+    monkeypatch.setattr("hmap_core.validation.support._guessed_inside", lambda *_: None)
+    exact = overlap(standing, support)
+    assert (guessed is None) == (exact is None) == (shift[0] == 0.3)
+    if exact is not None:
+        near = np.linalg.norm(guessed[:, None] - exact[None], axis=2)
+        assert near.min(axis=0).max() < 1e-9
+        assert near.min(axis=1).max() < 1e-9
+
+
+@pytest.mark.parametrize(("gap", "meets"), [(-1e-3, True), (-3e-7, True), (-1e-7, False), (0.0, False), (0.01, False)])
+def test_boxes_side_by_side_overlap_only_when_a_ball_fits_between(gap, meets):
+    a = SOLIDS["box"].points
+    assert (overlap(a, a + [0.1 + gap, 0.02, 0.01]) is not None) == meets
+
+
+def test_a_guessed_point_is_inside_both():
+    a, b = SOLIDS["box"].points + [0.0, 0.0, 0.149], solid("box", (1.0, 1.0, 0.2)).points - [0.0, 0.0, 0.1]
+    x, y, z = _guessed_inside(a, _halfspaces(a), b, _halfspaces(b))
+    assert abs(x) < 0.05 - CLEARLY
+    assert abs(y) < 0.1 - CLEARLY
+    assert -1e-3 + CLEARLY < z < -CLEARLY
 
 
 def test_overlap_of_two_boxes_is_their_common_box():

@@ -10,7 +10,7 @@ from hmap_core.benchmark.instances import Answer
 from hmap_core.benchmark.rai_side import robotic, wxyz
 from hmap_core.types import Body
 from hmap_core.validation import rigid
-from hmap_core.validation.geometry import Gauge, box_gap, solid, transform
+from hmap_core.validation.geometry import Boxes, Gauge, box_gap, solid, transform
 from hmap_core.waypoints import ObjectPathProblem
 from hmap_core.waypoints.search import find_corners
 
@@ -131,6 +131,7 @@ def _penetration(body: Body, R: np.ndarray, p: np.ndarray, other: Body) -> float
     """Greatest depth in m of a one-shape body at N samples in another that stands; 0 when they stay apart."""
     a, b = (solid(str(s.kind), s.size) for s in (body.shapes[0], other.shapes[0]))
     R_other, p_other = rigid.matrices(other.pose[3:]), other.pose[:3]
-    near = np.flatnonzero(box_gap(a, R, p, b, R_other, p_other) <= 0.0)
+    gaps = box_gap(Boxes.around(a, R, p), Boxes.around(b, R_other[None], p_other[None]))
+    near = np.flatnonzero(gaps <= 0.0)
     gauge, there = Gauge(a, b), transform(R_other, p_other)
     return max((-gauge.distance(transform(R[k], p[k]), there) for k in near), default=0.0)

@@ -7,6 +7,7 @@ import numpy as np
 
 from hmap_core.benchmark.instances import MotionInstance
 from hmap_core.types import Body, Robot, Scene
+from hmap_core.validation.bounds import PartBoxes
 from hmap_core.validation.document import BodyData, Document, GripperData, RobotData, ShapeData
 from hmap_core.validation.geometry import Solid, solid
 from hmap_core.validation.pairs import Pair, PairBuilder
@@ -102,9 +103,10 @@ def pairs(world: World) -> list[Pair]:
 
 def nearest(world: World, among: list[Pair], cutoff: float) -> float:
     """Smallest signed distance (m) of the pairs at sample 0, or ``cutoff`` where none is below it."""
-    first = np.zeros(1, int)
-    for pair in among:
-        if pair._box_gaps(world, first)[0] < cutoff:
+    boxes = PartBoxes(world)
+    gaps = boxes.gaps(*boxes.rows(among), np.zeros(len(among), int))
+    for pair, gap in zip(among, gaps, strict=True):
+        if gap < cutoff:
             cutoff = min(cutoff, pair.gauge.distance(world.tracks[pair.a].at(0), world.tracks[pair.b].at(0)))
     return cutoff
 

@@ -49,12 +49,12 @@ class Arm:
         frames = {self.tree.root: (np.broadcast_to(R0, (N, 3, 3)), np.broadcast_to(p0, (N, 3)))}
         for joint in self.tree.joints:
             R, p = frames[joint.parent]
-            p = p + R @ joint.origin_p
-            R = R @ joint.origin_R
+            p = p + rigid.apply(R, joint.origin_p)
+            R = rigid.apply(R, joint.origin_R)
             if joint.kind in ("revolute", "continuous"):
-                R = R @ rigid.about_axis(joint.axis, values[joint.name])
+                R = rigid.turned(R, joint.axis, values[joint.name])
             elif joint.kind == "prismatic":
-                p = p + (R @ joint.axis) * values[joint.name][:, None]
+                p = p + rigid.apply(R, joint.axis) * values[joint.name][:, None]
             frames[joint.child] = (R, p)
         return frames
 
@@ -62,7 +62,7 @@ class Arm:
         """The manipulator frame, rotations (N, 3, 3) and positions (N, 3)."""
         R, p = frames[self.data.end_effector_link]
         T = self.data.T_link_ee
-        return R @ rigid.matrices(T[3:]), p + R @ T[:3]
+        return rigid.apply(R, rigid.matrices(T[3:])), p + rigid.apply(R, T[:3])
 
     def fingers(self) -> tuple[str, ...]:
         """The links that may touch an object: the fingers, or the end-effector link of an arm without gripper.
@@ -72,14 +72,13 @@ class Arm:
         if self.data.gripper is not None:
             return self.data.gripper.finger_links
         link = self.data.end_effector_link
-        shaped = {shape.link for shape in self.tree.shapes}
-        while link not in shaped and self.tree.joint_to(link) is not None:
+        while link not in self.tree.shaped and self.tree.joint_to(link) is not None:
             link = self.tree.joint_to(link).parent
         return (link,)
 
-    def moving(self, link: str) -> list[urdf.Joint]:
+    def moving(self, link: str) -> tuple[urdf.Joint, ...]:
         """The joints between the base and a link that can move."""
-        return [joint for joint in self.tree.chain(link) if joint.kind in urdf.MOVING]
+        return self.tree.moving[link]
 
     def adjacent(self, link_a: str, link_b: str) -> bool:
         """Whether two links are rigidly joined or share a joint, so that their hulls always overlap there."""
@@ -90,9 +89,8 @@ class Arm:
 
     def _carrier(self, link: str) -> str | None:
         """The nearest link with shapes towards the base."""
-        shaped = {shape.link for shape in self.tree.shapes}
         joint = self.tree.joint_to(link)
-        while joint is not None and joint.parent not in shaped:
+        while joint is not None and joint.parent not in self.tree.shaped:
             joint = self.tree.joint_to(joint.parent)
         return None if joint is None else joint.parent
 
@@ -110,7 +108,8 @@ class Arm:
             if joint.kind != "prismatic":
                 R, p = frames[joint.child]
                 arm = frames[link][1][:-1] - p[:-1]
-                off_axis = np.linalg.norm(np.cross(R[:-1] @ joint.axis, arm), axis=1)
+                local = np.einsum("nji,nj->ni", R[:-1], arm)
+                off_axis = np.linalg.norm(local @ rigid.cross_matrix(joint.axis).T, axis=1)
                 step = step * (off_axis + radius + beyond)
             bounds[joint.name] = step
             beyond = beyond + step
@@ -125,7 +124,7 @@ class Arm:
         """
         steps = len(next(iter(values.values()))) - 1
         turned, slid = np.zeros(steps), np.zeros(steps)
-        length = sum(float(np.linalg.norm(joint.origin_p)) for joint in self.tree.chain(link))
+        length = sum(float(np.linalg.norm(joint.origin_p)) for joint in self.tree.chains[link])
         for joint in self.moving(link):
             moved = np.abs(np.diff(values[joint.name]))
             if joint.kind == "prismatic":

@@ -76,25 +76,37 @@ class Contact:
         return rigid.relative(Ro[window], po[window], R[window], p[window])
 
     @cached_property
-    def gaps(self) -> dict[str, np.ndarray]:
-        """Distance (n,) in metres of each owner's parts from the object at the samples of the contact."""
-        steps = range(self.segment.first, self.segment.last + 1)
-        objects = self.world.parts_of(self.object)
-        gaps = {}
-        for owner, parts in self.touching.items():
-            pairs = [(a, b, Gauge(a.solid, b.solid)) for a in parts for b in objects]
-            gaps[owner] = np.array([self._nearest(pairs, k) for k in steps])
-        return gaps
+    def gap(self) -> np.ndarray:
+        """The distance in metres that counts for the contact, (n,) at its samples.
+
+        That of the farther finger of a grasp, of the nearest part of a touch or push. It is measured at the first
+        sample; where that and the motion since then show that it is at most ``limits.CONTACT_GAP``, this upper bound
+        stands for it.
+        """
+        combine = np.max if self.kind == "grasp" and not self.by_tool else np.min
+        first, objects = self.segment.first, self.world.parts_of(self.object)
+        owners = [[(a, b, Gauge(a.solid, b.solid)) for a in parts for b in objects] for parts in self.touching.values()]
+        gap = combine([self._nearest(pairs, first) + self._moved(pairs) for pairs in owners], axis=0)
+        for i in np.flatnonzero(~(gap <= limits.CONTACT_GAP)):
+            gap[i] = combine([self._nearest(pairs, first + int(i)) for pairs in owners])
+        return gap
+
+    def _moved(self, pairs: list[tuple[Part, Part, Gauge]]) -> np.ndarray:
+        """How far (n,) in metres the object's points are from where they were at first, at most.
+
+        As seen from the body or link to which the touching parts belong.
+        """
+        state, samples = self.world.state, self.window
+        if not pairs:
+            return np.zeros(samples.stop - samples.start)
+        (Ra, pa), (Rb, pb) = pairs[0][0].place(state), state.bodies[self.object]
+        R, p = rigid.relative(Ra[samples], pa[samples], Rb[samples], pb[samples])
+        moved, turned = rigid.deviation(R, p, R[0], p[0])
+        return moved + turned * max(b.reach for _, b, _ in pairs)
 
     def _nearest(self, pairs: list[tuple[Part, Part, Gauge]], k: int) -> float:
         tracks = self.world.tracks
         return min((gauge.distance(tracks[a].at(k), tracks[b].at(k)) for a, b, gauge in pairs), default=np.inf)
-
-    @cached_property
-    def gap(self) -> np.ndarray:
-        """What counts for the contact, (n,): both fingers of a grasp, the nearest part of a touch or push."""
-        combine = np.max if self.kind == "grasp" and not self.by_tool else np.min
-        return combine(np.array(list(self.gaps.values())), axis=0)
 
     def normals(self, k: int) -> list[tuple[np.ndarray, np.ndarray]]:
         """For each owner, where it touches at sample k: the point (3,) on the object and the normal (3,) into it."""

@@ -181,17 +181,45 @@ class Gauge:
         return value, np.array(r.getNearestPoint1()), np.array(r.getNearestPoint2()), np.array(r.normal)
 
 
-def box_gap(a: Solid, Ra: np.ndarray, pa: np.ndarray, b: Solid, Rb: np.ndarray, pb: np.ndarray) -> np.ndarray:
-    """Lower bounds (N,) of two shapes' distances at N poses, from the boxes around them; -inf where these overlap.
+@dataclass(frozen=True)
+class Boxes:
+    """n boxes, one or several at many instants, with the components first so that numpy works along the boxes.
+
+    Attributes:
+        axes: (3, 3, n) rotation matrices: the directions of a box's sides are the columns.
+        center: (3, n) in metres.
+        half: (3, n) half sides in metres.
+    """
+
+    axes: np.ndarray
+    center: np.ndarray
+    half: np.ndarray
+
+    @classmethod
+    def around(cls, shape: Solid, R: np.ndarray, p: np.ndarray) -> "Boxes":
+        """The box around a shape at rotations R (n, 3, 3) and positions p (n, 3)."""
+        center = p + rigid.apply(R, shape.center)
+        return cls(np.moveaxis(R, 0, -1), center.T, np.broadcast_to(shape.half[:, None], (3, len(p))))
+
+    @classmethod
+    def join(cls, boxes: list["Boxes"]) -> "Boxes":
+        """All of them in a row."""
+        parts = ([b.axes for b in boxes], [b.center for b in boxes], [b.half for b in boxes])
+        return cls(*(np.concatenate(part, axis=-1) for part in parts))
+
+    def __getitem__(self, index: np.ndarray) -> "Boxes":
+        return Boxes(self.axes[..., index], self.center[:, index], self.half[:, index])
+
+
+def box_gap(a: Boxes, b: Boxes) -> np.ndarray:
+    """Lower bounds (n,) of the distances of the shapes in boxes ``a`` from those in ``b``; -inf where they overlap.
 
     The gaps along the three axes of one box are distances along orthogonal directions, so they add up by Pythagoras.
     """
-    R, _ = rigid.relative(Ra, pa, Rb, pb)
-    offset = (Rb @ b.center + pb) - (Ra @ a.center + pa)
-    in_a = np.abs((np.swapaxes(Ra, -1, -2) @ offset[..., None])[..., 0])
-    in_b = np.abs((np.swapaxes(Rb, -1, -2) @ offset[..., None])[..., 0])
-    size = np.abs(R)
-    gap_a = np.maximum(in_a - a.half - size @ b.half, 0.0)
-    gap_b = np.maximum(in_b - b.half - np.swapaxes(size, -1, -2) @ a.half, 0.0)
-    bound = np.sqrt(np.maximum(np.sum(gap_a * gap_a, axis=-1), np.sum(gap_b * gap_b, axis=-1)))
+    offset = (b.center - a.center)[:, None]
+    in_a, in_b = np.abs((a.axes * offset).sum(axis=0)), np.abs((b.axes * offset).sum(axis=0))
+    turned = np.abs((a.axes[:, :, None] * b.axes[:, None]).sum(axis=0))  # (3, 3, n): axis of a, axis of b
+    gap_a = np.maximum(in_a - a.half - (turned * b.half).sum(axis=1), 0.0)
+    gap_b = np.maximum(in_b - b.half - (turned * a.half[:, None]).sum(axis=0), 0.0)
+    bound = np.sqrt(np.maximum((gap_a * gap_a).sum(axis=0), (gap_b * gap_b).sum(axis=0)))
     return np.where(bound > 0.0, bound, -np.inf)

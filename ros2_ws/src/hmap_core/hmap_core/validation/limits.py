@@ -6,6 +6,7 @@ import math
 PENETRATION = 1e-3  # m, deepest overlap of two bodies
 MOTION_BOUND = 2e-3  # m, two samples are subdivided until no point of a pair moves more than this between looks
 MAX_SUBDIVISION = 128  # looks between two samples; only a jump, which is reported anyway, could ask for more
+SAMPLES_AT_ONCE = 2_000_000  # samples of pairs whose bounds are held in memory together
 INSTANTS_AT_ONCE = 20_000  # instants between samples that are held in memory together
 
 # --- file ---

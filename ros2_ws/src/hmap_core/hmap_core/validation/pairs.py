@@ -6,11 +6,8 @@ from itertools import combinations
 
 import numpy as np
 
-from hmap_core.validation.geometry import Gauge, box_gap
+from hmap_core.validation.geometry import Gauge
 from hmap_core.validation.world import Part, World
-
-STRIDE = 16  # samples between two comparisons of the boxes of a pair that is far apart
-NEAR = 0.05  # m, bound on the distance under which the boxes are compared at every sample
 
 
 @dataclass(eq=False)
@@ -35,26 +32,10 @@ class Pair:
     def gauge(self) -> Gauge:
         return Gauge(self.a.solid, self.b.solid)
 
-    def lower_bounds(self, world: World) -> np.ndarray:
-        """Lower bounds (N,) of the distance at the samples; one sample when the two never move.
-
-        Boxes are compared every ``STRIDE`` samples; what the two can move from there bounds the others. Where that is
-        not clearly far, every sample's boxes are.
-        """
-        if not np.any(self.motion > 0.0):
-            return self._box_gaps(world, np.zeros(1, int))
-        travelled = np.concatenate([[0.0], np.cumsum(self.motion)])
-        anchors = np.unique(np.append(np.arange(0, world.samples, STRIDE), world.samples - 1))
-        at_anchors = self._box_gaps(world, anchors)
-        nearest = np.minimum((np.arange(world.samples) + STRIDE // 2) // STRIDE, len(anchors) - 1)
-        bound = at_anchors[nearest] - np.abs(travelled - travelled[anchors[nearest]])
-        near = np.flatnonzero(bound < NEAR)
-        bound[near] = self._box_gaps(world, near)
-        return bound
-
-    def _box_gaps(self, world: World, samples: np.ndarray) -> np.ndarray:
-        a, b = world.tracks[self.a], world.tracks[self.b]
-        return box_gap(self.a.solid, a.R[samples], a.p[samples], self.b.solid, b.R[samples], b.p[samples])
+    @cached_property
+    def moves(self) -> bool:
+        """Whether the two ever move against each other."""
+        return bool(self.motion.any())
 
 
 class PairBuilder:
@@ -73,6 +54,7 @@ class PairBuilder:
             part: sum(self._links[part].values(), zero) if part.link is not None else world.body_motion(part)
             for part in world.parts
         }
+        self._immobile = {part: self._is_immobile(part) for part in world.parts}
 
     def build(self) -> list[Pair]:
         """All pairs to look at."""
@@ -82,17 +64,17 @@ class PairBuilder:
     def _pair(self, a: Part, b: Part) -> Pair | None:
         if a.holder == b.holder and (a.link is None) == (b.link is None):
             return None if a.link is None else self._self_pair(a, b)
-        if self._immobile(a) and self._immobile(b) and (a.link is None or b.link is None):
+        if self._immobile[a] and self._immobile[b] and (a.link is None or b.link is None):
             return None
-        motion = self._relative_motion(a, b)
-        may_touch = frozenset((a.owner, b.owner)) in self._touching
-        return Pair(a, b, motion, clearance=bool(not may_touch and np.any(motion > 0.0)))
+        pair = Pair(a, b, self._relative_motion(a, b), clearance=False)
+        pair.clearance = pair.moves and frozenset(pair.names) not in self._touching
+        return pair
 
     def _relative_motion(self, a: Part, b: Part) -> np.ndarray:
         """Bound (N-1,) in metres on the motion of two parts against each other."""
         motion = self._motion[a] + self._motion[b]
         link, body = (a, b) if b.link is None else (b, a)
-        carried = link.link is not None and body.link is None and np.any(self._motion[body] > 0.0)
+        carried = link.link is not None and body.link is None and self._motion[body].any()
         return np.minimum(motion, self._world.relative_motion(link, body)) if carried else motion
 
     def _self_pair(self, a: Part, b: Part) -> Pair | None:
@@ -101,14 +83,13 @@ class PairBuilder:
             return None
         if frozenset((a.link, b.link)) in robot.data.ignored_collisions:
             return None
-        joints_a = {joint.name for joint in robot.moving(a.link)}
-        joints_b = {joint.name for joint in robot.moving(b.link)}
+        motion_a, motion_b = self._links[a], self._links[b]
         # joints below both carry them along together
-        own_a = [self._links[a][name] for name in joints_a - joints_b]
-        own_b = [self._links[b][name] for name in joints_b - joints_a]
+        own_a = [motion for name, motion in motion_a.items() if name not in motion_b]
+        own_b = [motion for name, motion in motion_b.items() if name not in motion_a]
         return Pair(a, b, sum(own_a + own_b, np.zeros(self._world.samples - 1)), clearance=False)
 
-    def _immobile(self, part: Part) -> bool:
+    def _is_immobile(self, part: Part) -> bool:
         if part.link is None:
-            return self._world.document.bodies[part.holder].fixed and not np.any(self._motion[part] > 0.0)
+            return self._world.document.bodies[part.holder].fixed and not self._motion[part].any()
         return not self._world.arms[part.holder].moving(part.link)

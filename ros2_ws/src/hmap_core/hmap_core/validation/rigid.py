@@ -17,12 +17,30 @@ def matrices(quaternions: np.ndarray) -> np.ndarray:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
+def cross_matrix(axis: np.ndarray) -> np.ndarray:
+    """The matrix (3, 3) whose product with a vector is the cross product of ``axis`` (3,) with it."""
+    x, y, z = axis
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
 def about_axis(axis: np.ndarray, angles: np.ndarray) -> np.ndarray:
     """Rotation matrices (N, 3, 3) about a unit axis (3,) by angles (N,) in radians (Rodrigues' formula)."""
-    x, y, z = axis
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    K = cross_matrix(axis)
     s, c = np.sin(angles)[:, None, None], np.cos(angles)[:, None, None]
     return np.eye(3) + s * K + (1.0 - c) * (K @ K)
+
+
+def apply(R: np.ndarray, constant: np.ndarray) -> np.ndarray:
+    """The rotations R (N, 3, 3) times one vector (3,) or one matrix (3, 3): (N, 3) or (N, 3, 3)."""
+    # as one product of all rows: numpy's own loop over N small products takes ten times as long
+    return (R.reshape(-1, 3) @ constant).reshape(len(R), 3, *constant.shape[1:])
+
+
+def turned(R: np.ndarray, axis: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """The rotations R (N, 3, 3) followed by turns about an axis (3,) of their own frame by angles (N,)."""
+    K = cross_matrix(axis)
+    s, c = np.sin(angles)[:, None, None], np.cos(angles)[:, None, None]
+    return R + s * apply(R, K) + (1.0 - c) * apply(R, K @ K)
 
 
 def from_rpy(rpy: np.ndarray) -> np.ndarray:
@@ -44,6 +62,14 @@ def turn_of(R: np.ndarray) -> np.ndarray:
     """Angles (...,) in [0, pi] of rotation matrices (..., 3, 3)."""
     axis = np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], axis=-1)
     return np.arctan2(np.linalg.norm(axis, axis=-1), np.trace(R, axis1=-2, axis2=-1) - 1.0)
+
+
+def turn_along(R: np.ndarray) -> np.ndarray:
+    """Angles (N-1,) in [0, pi] between each two adjacent ones of rotation matrices (N, 3, 3)."""
+    # the chord between two rotations by the angle t has the Frobenius norm 2 sqrt(2) sin(t / 2)
+    chord = np.diff(R.reshape(-1, 9), axis=0)
+    half = np.sqrt(np.einsum("ij,ij->i", chord, chord)) / np.sqrt(8.0)
+    return 2.0 * np.arcsin(np.minimum(half, 1.0))
 
 
 def slerp(q_a: np.ndarray, q_b: np.ndarray, s: np.ndarray) -> np.ndarray:

@@ -19,6 +19,8 @@ from hmap_core.validation.report import Findings, Kind
 from hmap_core.validation.world import Part, World
 
 EMPTY = 1e-7  # m, inscribed radius under which an overlap counts as none
+CLEARLY = 1e-4  # m, how deep inside an overlap a guessed point must be; a thousand times what counts as one
+TOWARDS_MIDDLE = np.geomspace(1e-4, 1.0, 40)  # parts of the way that are tried
 DOWN = np.array([0.0, 0.0, -1.0])
 
 
@@ -48,17 +50,51 @@ def _halfspaces(points: np.ndarray) -> np.ndarray:
 
 def overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray | None:
     """Corners (n, 3) of the intersection of the hulls of two sets of points; None when it is empty."""
-    rows = np.vstack([_halfspaces(a), _halfspaces(b)])
-    # the centre of the largest ball inside: maximise r with normal @ x + r + offset <= 0
+    of_a, of_b = _halfspaces(a), _halfspaces(b)
+    if _beyond_a_face(a, of_b) or _beyond_a_face(b, of_a):
+        return None
+    rows = np.vstack([of_a, of_b])
+    center = _guessed_inside(a, of_a, b, of_b)
+    if center is None:
+        center = _center(rows)
+    try:
+        return None if center is None else HalfspaceIntersection(rows, center).intersections
+    except QhullError:
+        return None
+
+
+def _depth(rows: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """How far points (n, 3) are inside halfspaces (m, 4), (n,) in metres; negative outside."""
+    return -(points @ rows[:, :3].T + rows[:, 3]).max(axis=1)
+
+
+def _beyond_a_face(points: np.ndarray, rows: np.ndarray) -> bool:
+    """Whether no ball of radius ``EMPTY`` within the hull of points (n, 3) fits inside one of the halfspaces (m, 4)."""
+    return bool(np.any((points @ rows[:, :3].T + rows[:, 3]).min(axis=0) > -2.0 * EMPTY))
+
+
+def _guessed_inside(a: np.ndarray, of_a: np.ndarray, b: np.ndarray, of_b: np.ndarray) -> np.ndarray | None:
+    """A point (3,) at least ``CLEARLY`` inside two hulls, the points and halfspaces of which are given.
+
+    The mean of the corners that one has in the other, moved towards the middle of the first: finds one where a body
+    stands on another. None means nothing.
+    """
+    corners = np.vstack([a[_depth(of_b, a) >= 0.0], b[_depth(of_a, b) >= 0.0]])
+    if len(corners) == 0:
+        return None
+    begin = corners.mean(axis=0)
+    points = begin + TOWARDS_MIDDLE[:, None] * (a.mean(axis=0) - begin)
+    depth = np.minimum(_depth(of_a, points), _depth(of_b, points))
+    return points[depth.argmax()] if depth.max() >= CLEARLY else None
+
+
+def _center(rows: np.ndarray) -> np.ndarray | None:
+    """The centre (3,) of the largest ball inside all halfspaces (m, 4); None when it is smaller than ``EMPTY``."""
+    # maximise r with normal @ x + r + offset <= 0
     bounds = [(None, None)] * 3 + [(0.0, None)]
     table = np.column_stack([rows[:, :3], np.ones(len(rows))])
     lp = linprog([0, 0, 0, -1], A_ub=table, b_ub=-rows[:, 3], bounds=bounds)
-    if not lp.success or lp.x[3] < EMPTY:
-        return None
-    try:
-        return HalfspaceIntersection(rows, lp.x[:3]).intersections
-    except QhullError:
-        return None
+    return lp.x[:3] if lp.success and lp.x[3] >= EMPTY else None
 
 
 def _inside(points: np.ndarray, center: np.ndarray) -> float:

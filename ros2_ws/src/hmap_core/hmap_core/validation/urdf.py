@@ -1,7 +1,7 @@
 """Kinematics and collision shapes of a robot from its URDF, by the standard library and numpy only."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -56,18 +56,27 @@ class Urdf:
     joints: tuple[Joint, ...]
     shapes: tuple[LinkShape, ...]
 
+    @cached_property
+    def chains(self) -> dict[str, tuple[Joint, ...]]:
+        """For each link, the joints from the base to it."""
+        chains: dict[str, tuple[Joint, ...]] = {self.root: ()}
+        for joint in self.joints:
+            chains[joint.child] = (*chains[joint.parent], joint)
+        return chains
+
+    @cached_property
+    def moving(self) -> dict[str, tuple[Joint, ...]]:
+        """For each link, those of them that can move."""
+        return {link: tuple(joint for joint in chain if joint.kind in MOVING) for link, chain in self.chains.items()}
+
+    @cached_property
+    def shaped(self) -> frozenset[str]:
+        """The links with shapes."""
+        return frozenset(shape.link for shape in self.shapes)
+
     def joint_to(self, link: str) -> Joint | None:
         """The joint that carries a link; None for the base."""
-        return next((joint for joint in self.joints if joint.child == link), None)
-
-    def chain(self, link: str) -> list[Joint]:
-        """The joints from the base to a link."""
-        joints = []
-        joint = self.joint_to(link)
-        while joint is not None:
-            joints.insert(0, joint)
-            joint = self.joint_to(joint.parent)
-        return joints
+        return self.chains[link][-1] if self.chains[link] else None
 
 
 def _numbers(text: str | None, default: tuple[float, ...]) -> np.ndarray:

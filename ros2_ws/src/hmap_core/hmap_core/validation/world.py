@@ -1,5 +1,6 @@
 """Everything of a plan that has a shape, placed at every sample and anywhere between two."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,17 +11,29 @@ from hmap_core.validation.document import BodyData, Document
 from hmap_core.validation.geometry import Solid, solid_of, transform
 
 
-@dataclass(frozen=True, eq=False)
+class OnDemand(dict):
+    """A dict whose values are made from their keys when first asked for."""
+
+    def __init__(self, make: Callable):
+        super().__init__()
+        self._make = make
+
+    def __missing__(self, key):
+        self[key] = value = self._make(key)
+        return value
+
+
+@dataclass(frozen=True)
 class State:
-    """The plan's things at M instants: link frames of each robot and poses (M, 7) of each body."""
+    """The plan's things at M instants, each placed when first asked for.
 
-    links: dict[str, arm.Frames]
-    poses: dict[str, np.ndarray]
+    Attributes:
+        links: robot -> frames of its links.
+        bodies: body -> rotations (M, 3, 3) and positions (M, 3).
+    """
 
-    @cached_property
-    def bodies(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Rotations (M, 3, 3) and positions (M, 3) of the bodies."""
-        return {name: (rigid.matrices(poses[:, 3:]), poses[:, :3]) for name, poses in self.poses.items()}
+    links: Mapping[str, arm.Frames]
+    bodies: Mapping[str, tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,15 +54,19 @@ class Part:
     R: np.ndarray
     p: np.ndarray
 
-    @property
+    @cached_property
     def reach(self) -> float:
         """Largest distance of a point of the shape from the frame of its body or link, in metres."""
         return float(np.linalg.norm(self.solid.points @ self.R.T + self.p, axis=1).max()) + self.solid.ball
 
+    def place(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """Rotations (M, 3, 3) and positions (M, 3) of its body or link."""
+        return state.bodies[self.holder] if self.link is None else state.links[self.holder][self.link]
+
     def frames(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         """Rotations (M, 3, 3) and positions (M, 3) of the shape."""
-        R, p = state.bodies[self.holder] if self.link is None else state.links[self.holder][self.link]
-        return R @ self.R, p + R @ self.p
+        R, p = self.place(state)
+        return rigid.apply(R, self.R), p + rigid.apply(R, self.p)
 
 
 class Track:
@@ -76,7 +93,16 @@ class World:
         self.arms = {name: arm.build(robot) for name, robot in document.robots.items()}
         self.values = {n: a.values(document.joints[n], document.gripper[n]) for n, a in self.arms.items()}
         self.poses = {name: self._poses(body) for name, body in document.bodies.items()}
-        self.state = State({n: a.frames(self.values[n]) for n, a in self.arms.items()}, self.poses)
+        self.state = State(
+            {name: robot.frames(self.values[name]) for name, robot in self.arms.items()},
+            {name: (rigid.matrices(poses[:, 3:]), poses[:, :3]) for name, poses in self.poses.items()},
+        )
+        self._rates = {
+            (name, link): robot.rates(link, self.values[name])
+            for name, robot in self.arms.items()
+            for link in robot.tree.shaped
+        }
+        self._steps = {name: _step_motion(poses) for name, poses in self.poses.items()}
         self.parts = [*self._robot_parts(), *self._body_parts()]
         self.tracks = {part: Track(part, self.state) for part in self.parts}
 
@@ -106,18 +132,22 @@ class World:
 
     def between(self, steps: np.ndarray, s: np.ndarray) -> State:
         """The state at the fractions s (M,) of the steps (M,): joints linear, bodies straight and on shortest arcs."""
-        links = {}
-        for name, robot in self.arms.items():
+
+        def links(name: str) -> arm.Frames:
             values = {j: v[steps] + s * (v[steps + 1] - v[steps]) for j, v in self.values[name].items()}
-            links[name] = robot.frames(values)
-        poses = {n: rigid.between(v[steps], v[steps + 1], s) for n, v in self.poses.items()}
-        return State(links, poses)
+            return self.arms[name].frames(values)
+
+        def body(name: str) -> tuple[np.ndarray, np.ndarray]:
+            poses = self.poses[name]
+            between = rigid.between(poses[steps], poses[steps + 1], s)
+            return rigid.matrices(between[:, 3:]), between[:, :3]
+
+        return State(OnDemand(links), OnDemand(body))
 
     def body_motion(self, part: Part) -> np.ndarray:
         """How far any point of a body's part can move in each step, (N-1,) in metres."""
-        poses = self.poses[part.holder]
-        turned = rigid.turn(poses[:-1, 3:], poses[1:, 3:])
-        return np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1) + turned * part.reach
+        moved, turned = self._steps[part.holder]
+        return moved + turned * part.reach
 
     def link_motion(self, part: Part) -> dict[str, np.ndarray]:
         """The same for a robot's part, joint by joint."""
@@ -133,12 +163,17 @@ class World:
         acceleration, which is of second order in what the two turn and move (``docs/validation.md``).
         """
         R, p = rigid.relative(*self.state.links[link.holder][link.link], *self.state.bodies[body.holder])
-        turned, moved = rigid.turn_of(np.swapaxes(R[:-1], -1, -2) @ R[1:]), np.linalg.norm(np.diff(p, axis=0), axis=1)
-        poses = self.poses[body.holder]
-        spin, speed = rigid.turn(poses[:-1, 3:], poses[1:, 3:]), self.body_motion(body)
-        turn, slide, length = self.arms[link.holder].rates(link.link, self.values[link.holder])
+        turned, moved = rigid.turn_along(R), np.linalg.norm(np.diff(p, axis=0), axis=1)
+        spin, speed = self._steps[body.holder][1], self.body_motion(body)
+        turn, slide, length = self._rates[link.holder, link.link]
         far = np.linalg.norm(p[:-1], axis=1) + body.reach + speed + length + turn * length + slide
         own = spin**2 * body.reach
         carried = turn * (turn * (far + length) + speed + 2.0 * slide)
         rotating = turn * (speed + turn * far + slide)
         return moved + turned * body.reach + 0.5 * (own + carried + rotating)
+
+
+def _step_motion(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far poses (N, 7) move and turn in each step: (N-1,) in metres and (N-1,) in radians."""
+    moved = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1)
+    return moved, rigid.turn(poses[:-1, 3:], poses[1:, 3:])
