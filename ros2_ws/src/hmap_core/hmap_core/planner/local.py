@@ -126,8 +126,9 @@ class LocalBackend:
             sampled = self._sampled(scene, state, object, object_poses, name, cloud, rng, seen)
             for batch in chain([informed] if informed else [], sampled):
                 looked_at += len(batch)
-                found += self.check_contacts(scene, state, object, object_poses, name, batch, rng, beyond)
-                if found or time.monotonic() > deadline:
+                own = self.check_contacts(scene, state, object, object_poses, name, batch, rng, beyond)
+                found += own
+                if own or time.monotonic() > deadline:
                     break
         if not found:
             raise ContactError(
