@@ -50,7 +50,7 @@ NEAR, NEAR_TURN = 0.01, float(np.deg2rad(5.0))  # m, rad off its path at which i
 SAME, SAME_TURN = 1e-4, 1e-3  # m, rad: an object stands where the plan has it
 SAME_JOINT = 1e-3  # rad: so does a robot
 SAME_OPENING = 1e-3  # m: so does a gripper
-PATH_TIME = 2.0  # s for one of them
+PATH_CHECKS = 20_000  # motions checked for another path of an object; what is found takes below 1000
 CONTACTS = 2  # looked for, and tried, on a path
 REST = 3  # samples at rest in a contact, with which the judge is shown a way to it
 REHEARSED_RADIUS = 0.02  # m
@@ -290,9 +290,9 @@ class Repair:
 
     def _other_path(self, state: SceneState, name: str, goal: Goal, motion: str) -> list[np.ndarray]:
         """A path (M, 7) of an object to its goal, if there is one."""
-        scene, limit = replace(self._scene, motion=motion), min(PATH_TIME, self._time_left())
+        request = replace(self._scene, motion=motion), state, name, goal, self._seed(), self._time_left(), PATH_CHECKS
         try:
-            return [self._planner.backend.plan_waypoints(scene, state, name, goal, self._seed(), limit).poses]
+            return [self._planner.backend.plan_waypoints(*request).poses]
         except HmapError as error:
             raise_if_final(error)
             return []
