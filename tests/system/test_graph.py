@@ -51,6 +51,14 @@ def all_alive(graph) -> bool:
     return all(node.process.poll() is None and node.starts == 1 for node in graph.nodes.values())
 
 
+def test_planning_goes_before_simulation_where_processors_are_few(graph):
+    ours = os.getpriority(os.PRIO_PROCESS, 0)
+    for name, node in graph.nodes.items():
+        behind = os.getpriority(os.PRIO_PROCESS, node.process.pid) - ours
+        assert behind == (min(10, 19 - ours) if name in ("world", "perception") else 0), name
+        assert os.getsid(node.process.pid) == os.getsid(0), "niceness says nothing between sessions"
+
+
 @pytest.fixture(scope="module")
 def world(graph):
     """What the services of the planners take."""
