@@ -1,6 +1,6 @@
 """What Algorithm 1 asks of the parts below it: called directly by ``hmap plan``, over services by the supervisor."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -134,9 +134,23 @@ class Backend(Protocol):
 
     def check_contacts(
         self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, robot: str,
-        contacts: Sequence[ContactPoint], rng: np.random.Generator,
+        contacts: Sequence[ContactPoint], rng: np.random.Generator, beyond: int = -1,
     ) -> list[RobotContact]:  # fmt: skip
-        """The feasible ones of a robot's contacts, with how far along object_poses (M, 7) they serve."""
+        """The feasible ones of a robot's contacts, that serve past the pose ``beyond`` of object_poses (M, 7)."""
+        ...
+
+    def candidates(
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, robot: str,
+        rng: np.random.Generator, cloud: Cloud | None = None,
+    ) -> Iterator[list[ContactPoint]]:  # fmt: skip
+        """Batches of contacts on an object for the way along object_poses (M, 7), of which nothing was asked yet."""
+        ...
+
+    def promising_contacts(
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, robot: str,
+        contacts: Sequence[ContactPoint], beyond: int = -1,
+    ) -> list[ContactPoint]:  # fmt: skip
+        """Those of a robot's contacts in which the hand alone could go past the pose ``beyond`` of object_poses."""
         ...
 
     def contacts_at_both_ends(

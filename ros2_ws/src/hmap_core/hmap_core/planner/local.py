@@ -346,10 +346,17 @@ class LocalBackend:
         return self._stands[1]
 
     def candidates(
-        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, robot: str, rng
+        self,
+        scene: Scene,
+        state: SceneState,
+        object: str,
+        object_poses: np.ndarray,
+        robot: str,
+        rng: np.random.Generator,
+        cloud: Cloud | None = None,
     ) -> Iterator[list[ContactPoint]]:
         """Batches of contacts on an object for the way along object_poses (M, 7), of which nothing was asked yet."""
-        return self._sampled(scene, state, object, object_poses, robot, None, rng)
+        return self._sampled(scene, state, object, object_poses, robot, cloud, rng)
 
     def _seen(self, scene: Scene, state: SceneState, object: str, T: np.ndarray, rng) -> Cloud:
         """Points on the surface of an object at T (7,), with which of them the cameras see."""

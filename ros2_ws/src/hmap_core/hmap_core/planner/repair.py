@@ -15,7 +15,7 @@ from itertools import chain
 import numpy as np
 
 from hmap_core import transforms
-from hmap_core.exceptions import Code, ContactError, HmapError, MotionError, PlannerError
+from hmap_core.exceptions import Code, HmapError, MotionError, PlannerError
 from hmap_core.execution.measured import upright
 from hmap_core.execution.stretches import index_at
 from hmap_core.plan_file import to_dict
@@ -27,7 +27,7 @@ from hmap_core.planner.conflicts import first_conflict, unknown_bodies
 from hmap_core.planner.held_path import held_paths
 from hmap_core.planner.interfaces import RobotContact, SegmentMotion
 from hmap_core.planner.interruption import state_at
-from hmap_core.planner.local import away_from_home
+from hmap_core.planner.local import away_from_home, worth
 from hmap_core.planner.replan import KeptSegment, contact_of, kept_segments
 from hmap_core.transforms import pose
 from hmap_core.types import (
@@ -211,6 +211,9 @@ class Repair:
         robot = kept.segment.robot
         q, away = self._plan.trajectory.joints[robot][ahead], away_from_home(self._scene, state, robot)
         contact = RobotContact(robot, contact_of(self._plan, kept), len(poses) - 1, q, away)
+        request = self._scene, state, kept.segment.object, poses, robot, [contact.contact], len(poses) - 2
+        if not self._planner.backend.promising_contacts(*request):  # the hand alone cannot follow any more
+            return None
         found = self._solved(state, kept.segment.object, contact, poses)
         if found is None:
             return None
@@ -308,13 +311,13 @@ class Repair:
             found = backend.check_contacts(*request)
             if found and found[0].reach == last:
                 return found
-        robots = nearest_first(self._scene, name, state, tuple(self._scene.robots))
-        cloud = self._planner.clouds.get(name)
-        request = self._scene, state, name, poses, robots, cloud, CONTACTS, self._seed(), self._time_left()
-        try:
-            return [contact for contact in backend.propose_contacts(*request) if contact.reach == last]
-        except ContactError:
-            return []
+        for robot in nearest_first(self._scene, name, state, tuple(self._scene.robots)):
+            rng, cloud = self._rng(), self._planner.clouds.get(name)
+            for batch in backend.candidates(self._scene, state, name, poses, robot, rng, cloud):
+                found = backend.check_contacts(self._scene, state, name, poses, robot, batch, rng, last - 1)
+                if found or self._time_left() < 0.0:
+                    return sorted(found, key=lambda contact: -worth(self._scene, contact))[:CONTACTS]
+        return []
 
     def planned(self, errand: PlannedErrand, state: SceneState) -> "list[_Part]":
         """By Algorithm 1: its object is brought to where the old plan brings it.
