@@ -7,6 +7,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import rclpy
@@ -51,6 +52,7 @@ class HmapNode(Node):
         super().__init__(name)
         self.group = ReentrantCallbackGroup()
         self.stopping = threading.Event()
+        self.spinner: Spinner | None = None
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._status = (DiagnosticStatus.OK, STARTING, {})
         self._diagnostics = self.create_publisher(DiagnosticArray, "diagnostics", 10)
@@ -60,6 +62,10 @@ class HmapNode(Node):
         """Say so, where the node does not say anything better of itself."""
         if self._status[1] == STARTING:
             self.set_status("running")
+
+    def undisturbed(self, limit: float) -> AbstractContextManager:
+        """A context in which no callbacks are taken, for ``limit`` seconds at most, so that its work is done sooner."""
+        return nullcontext() if self.spinner is None else self.spinner.paused(limit)
 
     def close(self) -> None:
         """Let go of whatever waits; called before the executor is shut down."""
@@ -175,7 +181,7 @@ def run(make_node: Callable[[], HmapNode], args: list[str] | None = None) -> int
         return NO
     executor = MultiThreadedExecutor(THREADS) if node.waits else SingleThreadedExecutor()
     executor.add_node(node)
-    spinner = Spinner(executor, node.callback_failed)
+    spinner = node.spinner = Spinner(executor, node.callback_failed)
     node.started()
     stop.wait()
     node.close()

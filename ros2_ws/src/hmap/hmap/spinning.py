@@ -2,9 +2,9 @@
 
 import threading
 from collections.abc import Callable
+from contextlib import contextmanager
 
 from rclpy.executors import Executor, ExternalShutdownException, MultiThreadedExecutor
-from rclpy.task import Future
 
 
 class Spinner:
@@ -16,7 +16,10 @@ class Spinner:
             on_error: called with what a callback raises; then the others go on.
         """
         self._executor, self._on_error = executor, on_error
-        self._stopped = Future()
+        self._stopped = False
+        self._limit = 0.0  # s of the present pause
+        self._free = threading.Event()  # not paused
+        self._free.set()
         self._thread = threading.Thread(target=self._spin, name="executor", daemon=True)
         self._thread.start()
 
@@ -25,16 +28,35 @@ class Spinner:
 
         The other way round, as rclpy does it, a callback under way finds the executor's own handles destroyed.
         """
-        self._stopped.set_result(None)
+        self._stopped = True
+        self._free.set()
+        self._executor.wake()
         self._thread.join()
         if isinstance(self._executor, MultiThreadedExecutor):
             self._executor._executor.shutdown(wait=True)  # its pool of threads, which rclpy does not wait for
         self._executor.shutdown()
 
+    @contextmanager
+    def paused(self, limit: float):
+        """Take no callbacks for the duration of a context, but for ``limit`` seconds at most.
+
+        Who computes in this process then does not share the interpreter with the executor. What arrives waits.
+        """
+        self._limit = limit
+        self._free.clear()
+        self._executor.wake()
+        try:
+            yield
+        finally:
+            self._free.set()
+
     def _spin(self) -> None:
-        while not self._stopped.done():
+        while not self._stopped and self._executor.context.ok():
             try:
-                self._executor.spin_until_future_complete(self._stopped)
+                if not self._free.wait(self._limit):
+                    self._free.set()
+                # what spin_until_future_complete does, but that keeps a callback of the future for each callback taken
+                self._executor._spin_once_impl(None, lambda: self._stopped or not self._free.is_set())
             except ExternalShutdownException:
                 return
             except Exception as error:

@@ -36,6 +36,7 @@ from hmap_msgs_py.poses import pose_from_message
 
 FRAME = "world"
 LOADING_LIMIT = 30.0  # s for a scene to be loaded
+UNDISTURBED = 1.0  # s in which mending a plan does not share the interpreter with callbacks; a cancel waits as long
 REHEARSAL_LIMIT = 30.0  # s
 STOPPING, REPLANNING = "stopping", "replanning"  # phases beside those of PlannerStatus
 NO_PLAN = (
@@ -250,7 +251,8 @@ class Supervisor(HmapNode):
             backend = RosBackend(self._caller(job))
             plan, kept = planner.plan(scene, state=state, seed=seed, backend=backend, **options), {}
         else:  # in this process, as every moment counts
-            plan, kept = plan_anew(*old, scene, state, seed, **options)
+            with self.undisturbed(UNDISTURBED):
+                plan, kept = plan_anew(*old, scene, state, seed, **options)
         if self._canceled(job):
             raise PlannerError("canceled", Code.CANCELED)
         ended = time.monotonic()

@@ -18,7 +18,7 @@ from hmap_core.transforms import multiply, pose
 from hmap_core.types import Body, ContactPoint, Goal, Robot, Scene, SceneState, Shape, ShapeKind
 from hmap_core.waypoints import NoObjectPath
 
-CHECKS = 4000  # motions for one of them; those that are found take some hundred
+CHECKS = 2000  # motions for one of them; those that are found take some hundred
 
 
 def with_hand(body: Body, robot: Robot, contact: ContactPoint) -> Body:

@@ -1,0 +1,67 @@
+"""The thread that runs callbacks: it can be held up for a moment, and ended at any time."""
+
+import threading
+
+import pytest
+from rclpy.context import Context
+from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.node import Node
+
+from hmap.spinning import Spinner
+
+PERIOD = 0.01  # s between two calls
+LONG = 60.0  # s; a test that waits so long has failed
+QUIET = 0.3  # s in which many calls would come
+
+
+@pytest.fixture(params=[SingleThreadedExecutor, MultiThreadedExecutor])
+def ticking(request):
+    """A spinner, and an event that a timer of its node sets again and again."""
+    context, ticked = Context(), threading.Event()
+    context.init()
+    node = Node("ticking", context=context)
+    node.create_timer(PERIOD, ticked.set)
+    executor = request.param(context=context)
+    executor.add_node(node)
+    errors: list[Exception] = []
+    spinner = Spinner(executor, errors.append)
+    yield spinner, ticked
+    spinner.stop()
+    node.destroy_node()
+    context.shutdown()
+    assert not errors
+
+
+def ticks_again(ticked: threading.Event) -> bool:
+    ticked.clear()
+    return ticked.wait(LONG)
+
+
+def falls_quiet(ticked: threading.Event) -> bool:
+    """Whether the timer falls silent; calls may be under way, but not many."""
+    for _ in range(5):
+        ticked.clear()
+        if not ticked.wait(QUIET):
+            return True
+    return False
+
+
+def test_no_callbacks_are_taken_in_a_pause_and_again_after_it(ticking):
+    spinner, ticked = ticking
+    for _ in range(3):
+        assert ticks_again(ticked)
+        with spinner.paused(LONG):
+            assert falls_quiet(ticked)
+        assert ticks_again(ticked)
+
+
+def test_a_pause_ends_when_its_time_is_over(ticking):
+    spinner, ticked = ticking
+    with spinner.paused(QUIET):
+        assert all(ticks_again(ticked) for _ in range(10))
+
+
+def test_a_spinner_ends_in_a_pause(ticking):
+    spinner, _ = ticking
+    with spinner.paused(LONG):
+        pass  # the fixture ends it, perhaps before the pause was noticed
