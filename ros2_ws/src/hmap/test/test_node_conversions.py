@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from hmap import conversions as convert
+from hmap import phase_conversions as phases
 from hmap_core import plan_file, transforms
 from hmap_core.exceptions import Code, HmapError
 from hmap_core.planner.interfaces import RobotContact, SegmentMotion
@@ -131,26 +132,26 @@ def test_path(scene):
     poses = np.array([transforms.pose((x, 0.0, 0.1)) for x in np.linspace(0.0, 1.0, 6)])
     path = ObjectPath(poses, np.array([2, 5]), np.linspace(0.01, 0.02, 6), "planar")
     response = PlanWaypoints.Response()
-    convert.path_to_response(path, "bar", response)
-    assert equal(convert.path_from_response(response), path)
+    phases.path_to_response(path, "bar", response)
+    assert equal(phases.path_from_response(response), path)
     assert len(response.waypoints.waypoints) == 3  # the start, too
 
 
 def test_contact(scene, contact):
-    assert equal(convert.contact_from_message(scene, convert.contact_to_message(contact, "bar")), contact)
+    assert equal(phases.contact_from_message(scene, phases.contact_to_message(contact, "bar")), contact)
 
 
 def test_contact_without_its_postures_is_refused(scene, contact):
-    message = convert.contact_to_message(contact, "bar")
+    message = phases.contact_to_message(contact, "bar")
     message.keyframes = message.keyframes[:7]
     with pytest.raises(ConversionError, match="reach"):
-        convert.contact_from_message(scene, message)
+        phases.contact_from_message(scene, message)
 
 
 def test_motion(scene, trajectory):
     motion, response = SegmentMotion(trajectory, segments()), SolveSegment.Response()
-    convert.motion_to_response(scene, motion, response)
-    assert equal(convert.motion_from_response(scene, response), motion)
+    phases.motion_to_response(scene, motion, response)
+    assert equal(phases.motion_from_response(scene, response), motion)
 
 
 def test_plan(scene, trajectory):
