@@ -123,7 +123,7 @@ class LocalBackend:
             beyond = max((contact.reach for contact in found), default=-1)
             if beyond == len(object_poses) - 1:
                 break
-            sampled = self._sampled(scene, state, object, object_poses, name, cloud, rng, seen)
+            sampled = self.candidates(scene, state, object, object_poses, name, rng, cloud, seen)
             for batch in chain([informed] if informed else [], sampled):
                 looked_at += len(batch)
                 own = self.check_contacts(scene, state, object, object_poses, name, batch, rng, beyond)
@@ -182,7 +182,7 @@ class LocalBackend:
         ends = np.array([state.poses[object], T_goal])
         manipulation, _ = self._cleared(scene, state, object, robot)
         release = self._release(scene, state, object, ends)
-        for batch in self._sampled(scene, state, object, ends, robot, None, rng):
+        for batch in self.candidates(scene, state, object, ends, robot, rng):
             carrying = [contact for contact in batch if contact.kind is not ContactKind.PUSH]
             carrying = self._gripped(scene, object, robot, carrying, ends[0])
             if not carrying:
@@ -292,7 +292,7 @@ class LocalBackend:
         """Ways in which a robot can take a tool where it stands, spread over it."""
         T_tool = state.poses[tool]
         manipulation, away = self._cleared(scene, state, tool, robot)
-        contacts = next(self._sampled(scene, state, tool, T_tool[None], robot, None, rng), [])
+        contacts = next(self.candidates(scene, state, tool, T_tool[None], robot, rng), [])
         if not contacts:
             return []
         contacts = self._gripped(scene, tool, robot, contacts, T_tool)
@@ -313,7 +313,7 @@ class LocalBackend:
 
     def _bound(self, scene: Scene, state: SceneState, object: str, object_poses, robot: str, rng) -> tuple[int, int]:
         """The farthest pose to which hand and object alone could go, with how many contacts; -1: they cannot meet."""
-        contacts = next(self._sampled(scene, state, object, object_poses, robot, None, rng), [])
+        contacts = next(self.candidates(scene, state, object, object_poses, robot, rng), [])
         if not contacts:
             return -1, 0
         manipulation, _ = self._cleared(scene, state, object, robot)
@@ -345,6 +345,11 @@ class LocalBackend:
             self._stands = key, standing(body, poses, obstacles)
         return self._stands[1]
 
+    def _seen(self, scene: Scene, state: SceneState, object: str, T: np.ndarray, rng) -> Cloud:
+        """Points on the surface of an object at T (7,), with which of them the cameras see."""
+        around, cameras = _others(scene, state, object), scene.cameras.values()
+        return visible_points(scene.bodies[object], T, around, cameras, rng, SURFACE_POINTS, include_unseen=True)
+
     def candidates(
         self,
         scene: Scene,
@@ -354,27 +359,13 @@ class LocalBackend:
         robot: str,
         rng: np.random.Generator,
         cloud: Cloud | None = None,
-    ) -> Iterator[list[ContactPoint]]:
-        """Batches of contacts on an object for the way along object_poses (M, 7), of which nothing was asked yet."""
-        return self._sampled(scene, state, object, object_poses, robot, cloud, rng)
-
-    def _seen(self, scene: Scene, state: SceneState, object: str, T: np.ndarray, rng) -> Cloud:
-        """Points on the surface of an object at T (7,), with which of them the cameras see."""
-        around, cameras = _others(scene, state, object), scene.cameras.values()
-        return visible_points(scene.bodies[object], T, around, cameras, rng, SURFACE_POINTS, include_unseen=True)
-
-    def _sampled(
-        self,
-        scene: Scene,
-        state: SceneState,
-        object: str,
-        object_poses,
-        robot: str,
-        cloud,
-        rng,
         seen: Cloud | None = None,
-    ):
-        """Batches of candidates from what the cameras see of the object, then from the rest of its surface."""
+    ) -> Iterator[list[ContactPoint]]:
+        """Batches of contacts on an object for the way along object_poses (M, 7), of which nothing was asked yet.
+
+        First from a measured ``cloud``, then from what the cameras see (``seen``, if that is known already), then from
+        the rest of its surface.
+        """
         body, placed = scene.bodies[object], scene.robots[robot]
         seen = self._seen(scene, state, object, object_poses[0], rng) if seen is None else seen
         around = solids([(shape, T) for other, T in _others(scene, state, object) for shape in other.shapes])
