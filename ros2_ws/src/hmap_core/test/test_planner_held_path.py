@@ -56,7 +56,7 @@ def test_the_hand_goes_with_the_object_past_what_stands_around(scene, hands):
         joined = body_set(with_hand(scene.bodies["brick"], scene.robots["arm"], held.contact))
         for name in ("bar", "wall", "table"):
             assert object_clearances(joined, held.poses, scene.bodies[name]).min() > -1e-3
-        assert object_clearances(joined, alone, scene.bodies["bar"]).min() < -0.01
+        assert object_clearances(joined, alone, scene.bodies["bar"]).min() < -2e-3
 
 
 def handed_out(scene, held, poses):

@@ -21,10 +21,6 @@ class BaseModel(CollisionModel):
         """As :meth:`CollisionModel.arrays`."""
         return self.packed
 
-    def extended(self) -> "BaseModel":
-        """A model of the same shapes and pairs that may grow until it is packed itself."""
-        return BaseModel(list(self.hulls), list(self.frames), list(self.names), list(self.pairs), list(self.speeds))
-
 
 class GrownModel(CollisionModel):
     """Begins with the shapes and pairs of a model that is finished, and grows on its own."""

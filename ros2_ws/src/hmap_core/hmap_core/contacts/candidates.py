@@ -1,5 +1,6 @@
 """Contacts as arrays: what the generators of touches, grasps and pushes have in common."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,25 +57,42 @@ class Situation:
 
 
 @dataclass(frozen=True)
-class Candidates:
-    """N contacts, object frame: R (N, 3, 3) and origin (N, 3) are the pose of the end-effector frame."""
+class HandPoses:
+    """How the hand makes N contacts: R (N, 3, 3) and origin (N, 3) of the end-effector frame in the object's frame."""
 
-    kind: ContactKind
     R: np.ndarray
     origin: np.ndarray
-    point: np.ndarray
-    normal: np.ndarray
     opening: np.ndarray
     approach: np.ndarray  # (N, 3) end-effector frame
+
+    def __getitem__(self, chosen: np.ndarray) -> "HandPoses":
+        return HandPoses(self.R[chosen], self.origin[chosen], self.opening[chosen], self.approach[chosen])
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """N contacts, object frame.
+
+    Attributes:
+        toward: (N, 3) where the hand points, its z axis.
+        poses: maps indices to how the hand makes these: of thousands of contacts only the first are ever asked for.
+    """
+
+    kind: ContactKind
+    toward: np.ndarray
+    point: np.ndarray
+    normal: np.ndarray
     score: np.ndarray
+    poses: Callable[[np.ndarray], HandPoses]
 
     def __len__(self) -> int:
         return len(self.score)
 
     def contacts(self, chosen: np.ndarray) -> list[ContactPoint]:
         """The chosen ones (indices) as contact points."""
-        frames = np.concatenate([self.origin[chosen], quaternions(self.R[chosen])], axis=1)
-        columns = frames, self.point[chosen], self.normal[chosen], self.opening[chosen].tolist(), self.approach[chosen]
+        made = self.poses(chosen)
+        frames = np.concatenate([made.origin, quaternions(made.R)], axis=1)
+        columns = frames, self.point[chosen], self.normal[chosen], made.opening.tolist(), made.approach
         return [
             ContactPoint(self.kind, *numbers) for numbers in zip(*columns, self.score[chosen].tolist(), strict=True)
         ]

@@ -131,7 +131,7 @@ def _bounds(
     for own in alike([contacts[k] for k in possible]):
         members = possible[own]
         first = contacts[members[0]]
-        at_start = manipulation.collisions(first, object_poses[0]).arrays()
+        at_start = manipulation.coming_collisions(first, object_poses[0]).arrays()
         on_path = manipulation.surroundings(first).arrays()
         frames = np.array([contacts[k].T_obj_ee for k in members])
         back = drawn_back([contacts[k] for k in members])
@@ -190,7 +190,7 @@ def reachable(
     starts = [home, *rng.uniform(chain.lower, chain.upper, (RESTARTS, n))]
     for members in alike(contacts):
         index = np.array(members)
-        collisions = manipulation.collisions(contacts[members[0]], T_world_obj)
+        collisions = manipulation.coming_collisions(contacts[members[0]], T_world_obj)
         problem = ik_problem(manipulation, collisions, Phase.APPROACH)
         goal = np.array([multiply(T_world_obj, contacts[k].T_obj_ee) for k in members])
         goal = pose_params_all(manipulation.T_tip_ee, goal)

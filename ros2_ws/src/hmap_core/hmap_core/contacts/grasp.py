@@ -5,7 +5,7 @@ from numba import njit
 
 from hmap_core.contacts import scoring
 from hmap_core.contacts.camera import Cloud
-from hmap_core.contacts.candidates import Candidates, Hand, Situation, frames, tangents
+from hmap_core.contacts.candidates import Candidates, Hand, HandPoses, Situation, frames, tangents
 from hmap_core.contacts.solids import Solids, outward_normal, way_out
 from hmap_core.transforms import rotation_matrix
 from hmap_core.types import ContactKind
@@ -84,10 +84,11 @@ def grasps(
     origin = middle - z * shallower[:, None]
     score = (
         scoring.W_CENTRAL * scoring.central(middle, centre, radius)
-        + scoring.W_ABOVE * scoring.above(R, situation.T_world_obj)
+        + scoring.W_ABOVE * scoring.above(z, situation.T_world_obj)
         + scoring.W_DEEP * np.minimum(above / DEEP, 1.0)
         + scoring.W_NEAR * scoring.near(points, situation, radius)
         + scoring.W_SEEN * np.repeat(cloud.seen[good], count)
     )
     approach = np.tile([0.0, 0.0, 1.0], (len(points), 1))
-    return Candidates(ContactKind.GRASP, *(a[keep] for a in (R, origin, points, normals, width, approach, score)))
+    poses = HandPoses(R, origin, width, approach)[keep]
+    return Candidates(ContactKind.GRASP, *(a[keep] for a in (z, points, normals, score)), poses.__getitem__)

@@ -9,7 +9,7 @@ from hmap_core.collision.convex import convex_set
 from hmap_core.contacts import scoring
 from hmap_core.contacts.access import on_face
 from hmap_core.contacts.camera import Cloud
-from hmap_core.contacts.candidates import CONTACT_GAP, Candidates, Hand, Situation, frames, on_surface
+from hmap_core.contacts.candidates import CONTACT_GAP, Candidates, Hand, HandPoses, Situation, frames, on_surface
 from hmap_core.contacts.facets import MIDDLE, held_facets, placed
 from hmap_core.contacts.friction import characteristic_length, cone_generators, in_cone, needed_wrench, stable_pushes
 from hmap_core.contacts.solids import Solids, solids
@@ -219,7 +219,8 @@ def pushes(
         keep &= _overlaps(slide, R, origin, feature, tip)
         keep &= _stays_upright(points @ slide.up - slide.lowest, flat, slide.footprint, slide.middle, friction)
         score = (
-            scoring.place(R, points, normals, cloud.seen[index], centre, radius, situation)
+            scoring.place(points, normals, cloud.seen[index], centre, radius, situation)
+            + scoring.W_ABOVE * scoring.above(R[:, :, 2], situation.T_world_obj)
             + scoring.W_UPRIGHT * upright
             + scoring.W_STEADY * steady
         )
@@ -227,9 +228,11 @@ def pushes(
         for down, aside, price in HELD_WAYS if hand.held else FINGER_WAYS:
             way = -normals - down * slide.up + aside * sideways
             approach = np.einsum("nij,ni->nj", R, way / np.linalg.norm(way, axis=1)[:, None])
-            arrays = (R, origin, points, normals, np.full(len(points), hand.closed), approach, score - price)
+            arrays = (R, origin, np.full(len(points), hand.closed), approach, points, normals, score - price)
             found.append([a[keep] for a in arrays])
-    return Candidates(ContactKind.PUSH, *(np.concatenate(a) for a in zip(*found, strict=True)))
+    *made, points, normals, score = (np.concatenate(a) for a in zip(*found, strict=True))
+    poses = HandPoses(*made)
+    return Candidates(ContactKind.PUSH, poses.R[:, :, 2], points, normals, score, poses.__getitem__)
 
 
 def _overlaps(slide: Slide, R: np.ndarray, origin: np.ndarray, feature: np.ndarray, tip: np.ndarray) -> np.ndarray:

@@ -26,10 +26,9 @@ def central(points: np.ndarray, centre: np.ndarray, radius: float) -> np.ndarray
     return 1.0 - np.minimum(np.linalg.norm(points - centre, axis=1) / radius, 1.0)
 
 
-def above(R: np.ndarray, T_world_obj: np.ndarray) -> np.ndarray:
-    """1 when the hand points straight down, 0 when it points up."""
-    up = rotation_matrix(T_world_obj)[2]
-    return 0.5 - 0.5 * np.einsum("ni,i->n", R[:, :, 2], up)
+def above(toward: np.ndarray, T_world_obj: np.ndarray) -> np.ndarray:
+    """1 when the hand points straight down, 0 when it points up; ``toward`` (N, 3) is where it points."""
+    return 0.5 - 0.5 * toward @ rotation_matrix(T_world_obj)[2]
 
 
 def near(points: np.ndarray, situation: Situation, radius: float) -> np.ndarray:
@@ -50,14 +49,13 @@ def along(normals: np.ndarray, situation: Situation) -> np.ndarray:
     return np.full(len(normals), 0.5) if size < 1e-9 else 0.5 - 0.5 * normals @ (step / size)
 
 
-def place(R, points, normals, seen, centre, radius: float, situation: Situation) -> np.ndarray:
-    """What counts (N,) for every contact with one side of the object: where it is, how the hand comes, what it does.
+def place(points, normals, seen, centre, radius: float, situation: Situation) -> np.ndarray:
+    """What counts (N,) for every contact with one side of the object, but for the hand: where it is, what it does.
 
-    Frames R (N, 3, 3), points and normals (N, 3), and whether a camera sees them (N,).
+    Points and normals (N, 3), and whether a camera sees them (N,).
     """
     return (
         W_CENTRAL * central(points, centre, radius)
-        + W_ABOVE * above(R, situation.T_world_obj)
         + W_NEAR * near(points, situation, radius)
         + W_MOTION * along(normals, situation)
         + W_SEEN * seen
@@ -90,7 +88,7 @@ def _sort(s: Candidates) -> np.ndarray:
     place -= place.min(axis=0)
     extent = place.max(axis=0) + 1
     cell = (place[:, 0] * extent[1] + place[:, 1]) * extent[2] + place[:, 2]
-    return (cell * 6 + _side(s.normal)) * 6 + _side(s.R[:, :, 2])
+    return (cell * 6 + _side(s.normal)) * 6 + _side(s.toward)
 
 
 def _side(vectors: np.ndarray) -> np.ndarray:

@@ -108,7 +108,7 @@ class Manipulation:
         self._workspace = _workspace(self.scene, self.state, self.robot)
         self.model = self._workspace.model
         self.tip, self.T_tip_ee = self._workspace.end_effector(self.robot)
-        self._leaving: dict[tuple, CollisionModel] = {}
+        self._near: dict[tuple, CollisionModel] = {}
         self._ik: dict[Phase, KomoProblem] = {}
 
     def target(self, T_world_ee: np.ndarray) -> np.ndarray:
@@ -139,15 +139,23 @@ class Manipulation:
         self._add_in_hand(model, around, contact)
         return model
 
+    def coming_collisions(self, contact: ContactPoint, T_start: np.ndarray) -> CollisionModel:
+        """What :meth:`collisions` says of the way to the object at T_start (7,); alike for contacts open alike."""
+        return self._with_object(contact, T_start, bit(Phase.APPROACH), bit(Phase.TRANSIT))
+
     def leaving_collisions(self, contact: ContactPoint, T_end: np.ndarray) -> CollisionModel:
-        """What :meth:`collisions` says of the retreat from the object at T_end (7,); alike for contacts open alike."""
+        """What it says of the retreat from the object at T_end (7,); alike for contacts open alike."""
+        return self._with_object(contact, T_end, bit(Phase.RETREAT), 0)
+
+    def _with_object(self, contact: ContactPoint, T: np.ndarray, near: int, far: int) -> CollisionModel:
+        """With the object at T (7,), by which the hand is near and far in phases given as bit masks."""
         free, touching = free_opening(self.scene.robots[self.robot], contact), contact.kind != ContactKind.GRASP
-        key = free, contact.opening, touching, T_end.tobytes()
-        if key not in self._leaving:
+        key = free, contact.opening, touching, T.tobytes(), near
+        if key not in self._near:
             around = self._around(free, contact.opening)
-            model = self._leaving[key] = around.model.extended()
-            self._add_places(model, around, contact, [(T_end, bit(Phase.RETREAT), 0)])
-        return self._leaving[key]
+            model = self._near[key] = GrownModel(around.model)
+            self._add_places(model, around, contact, [(T, near, far)])
+        return self._near[key]
 
     def surroundings(self, contact: ContactPoint) -> CollisionModel:
         """The same without the object."""

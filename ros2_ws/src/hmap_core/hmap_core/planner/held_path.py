@@ -18,7 +18,7 @@ from hmap_core.transforms import multiply, pose
 from hmap_core.types import Body, ContactPoint, Goal, Robot, Scene, SceneState, Shape, ShapeKind
 from hmap_core.waypoints import NoObjectPath
 
-CHECKS = 2000  # motions for one of them; those that are found take some hundred
+CHECKS = 2000  # motions for one of them, unless told; those that are found take some hundred
 
 
 def with_hand(body: Body, robot: Robot, contact: ContactPoint) -> Body:
@@ -39,8 +39,12 @@ def held_paths(
     hands: Iterable[tuple[str, ContactPoint]],
     rng: np.random.Generator,
     time_limit: float,
+    checks: int = CHECKS,
 ) -> Iterator[HeldPath]:
-    """Paths of the goal's object to it with each of some hands (robot, contact) in turn, where there is one."""
+    """Paths of the goal's object to it with each of some hands (robot, contact) in turn, where there is one.
+
+    The search for each ends after ``checks`` motions.
+    """
     motion = "spatial" if scene.motion == "auto" else scene.motion  # what is held can be lifted
     object, body = goal.object, scene.bodies[goal.object]
     for robot, contact in hands:
@@ -48,7 +52,7 @@ def held_paths(
         around = replace(scene, motion=motion, bodies=scene.bodies | {object: joined})
         seed = int(rng.integers(2**31 - 1))
         try:
-            poses = backend.plan_waypoints(around, state, object, goal, seed, time_limit, CHECKS).poses
+            poses = backend.plan_waypoints(around, state, object, goal, seed, time_limit, checks).poses
             yield HeldPath(object, poses, robot, contact)
         except NoObjectPath as error:
             if error.free_without and error.path_without is not None:

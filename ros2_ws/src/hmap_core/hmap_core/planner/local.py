@@ -25,7 +25,7 @@ from hmap_core.planner.interfaces import Grip, RobotContact, SegmentMotion
 from hmap_core.planner.lifting import lifted
 from hmap_core.planner.tools import holding, spread, tools_of, within_reach
 from hmap_core.transforms import rotation_matrix
-from hmap_core.types import Body, ContactKind, ContactPoint, Goal, Scene, SceneState, TaskMode
+from hmap_core.types import Body, ContactPoint, Goal, Scene, SceneState, TaskMode
 from hmap_core.waypoints import DEFAULT_MARGIN, ObjectPath, ObjectPathProblem, plan_waypoints, standing
 
 SURFACE_POINTS = 600  # samples of the object's surface when looking at it
@@ -182,9 +182,8 @@ class LocalBackend:
         ends = np.array([state.poses[object], T_goal])
         manipulation, _ = self._cleared(scene, state, object, robot)
         release = self._release(scene, state, object, ends)
-        for batch in self.candidates(scene, state, object, ends, robot, rng):
-            carrying = [contact for contact in batch if contact.kind is not ContactKind.PUSH]
-            carrying = self._gripped(scene, object, robot, carrying, ends[0])
+        for batch in self.candidates(scene, state, object, ends[:1], robot, rng):  # standing, it is not pushed
+            carrying = self._gripped(scene, object, robot, batch, ends[0])
             if not carrying:
                 continue
             order, _ = promising(manipulation, carrying, ends, release, 1)
@@ -372,7 +371,8 @@ class LocalBackend:
         hand = hand_of(placed)
         room = ACCESS if hand.gripper is None else hand.gripper.pad_half_width
         seen = seen[accessible(seen, object_poses[0], around, room)]
-        situation = Situation(object_poses[0], object_poses[min(1, len(object_poses) - 1)], placed.base_pose[:3])
+        ahead = object_poses[1] if len(object_poses) > 1 else None
+        situation = Situation(object_poses[0], ahead, placed.base_pose[:3])
         total = 0
         for points in (cloud, seen[seen.seen], seen[~seen.seen]):
             if points is None or not len(points):

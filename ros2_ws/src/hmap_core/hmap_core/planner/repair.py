@@ -50,6 +50,7 @@ NEAR, NEAR_TURN = 0.01, float(np.deg2rad(5.0))  # m, rad off its path at which i
 SAME, SAME_TURN = 1e-4, 1e-3  # m, rad: an object stands where the plan has it
 SAME_JOINT = 1e-3  # rad: so does a robot
 SAME_OPENING = 1e-3  # m: so does a gripper
+HELD_CHECKS = 500  # motions checked for a path of an object in a hand; what is found there mostly takes none
 PATH_CHECKS = 20_000  # motions checked for another path of an object; what is found takes below 1000
 CONTACTS = 2  # looked for, and tried, on a path
 REST = 3  # samples at rest in a contact, with which the judge is shown a way to it
@@ -263,7 +264,8 @@ class Repair:
     def _in_a_hand(self, errand: PlannedErrand, state: SceneState, name: str, goal: Goal) -> "list[_Part] | None":
         """In one contact, along a path that is sought for the object and the hand: the old contact's, or others."""
         hands, backend = self._hands(errand, state, name, goal), self._planner.backend
-        for held in held_paths(backend, self._scene, state, goal, hands, self._rng(), self._time_left()):
+        request = self._scene, state, goal, hands, self._rng(), self._time_left(), HELD_CHECKS
+        for held in held_paths(backend, *request):
             if held.blockers:
                 continue
             request = self._scene, state, name, held.poses, held.robot, [held.contact], self._rng()

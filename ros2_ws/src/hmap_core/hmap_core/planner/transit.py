@@ -29,6 +29,7 @@ RUNS = 4  # searches, while all ways are longer than DETOUR times the straight o
 DETOUR = 1.5
 INTERVAL_LOOKS, HAND_LOOKS = 3, 3  # what an interval, and a posture from inverse kinematics, cost in looks
 SHORTCUTS = 200
+MIN_SAVING = 0.02  # rad that a shortcut has to save
 POINTS = 100  # of the path that is found, about
 SHORTEST = 1e-9  # rad; a path that is shorter is none
 SMOOTHINGS = 60  # times that its points move towards the middle of their neighbours
@@ -187,7 +188,8 @@ def _shortened(free: _Free, path: np.ndarray, rng: np.random.Generator) -> np.nd
         i, j = sorted(rng.integers(0, len(path) - 1, 2))
         a = path[i] + rng.random() * (path[i + 1] - path[i])
         b = path[j] + rng.random() * (path[j + 1] - path[j])
-        if i != j and free.straight(a, b):
+        there = np.concatenate([a[None], path[i + 1 : j + 1], b[None]])
+        if i != j and _length(there) - np.linalg.norm(b - a) > MIN_SAVING and free.straight(a, b):
             path = np.concatenate([path[: i + 1], [a, b], path[j + 1 :]])
     return path
 

@@ -93,10 +93,10 @@ def _nodes(
     poses = [start, goal, *exits(checker, start, goal, bounds), *exits(checker, goal, start, bounds)]
     if not checker.planar:
         top = max(start[2], goal[2])
-        poses += [np.r_[T[:2], top + h, T[3:]] for T in (start, goal) for h in LIFTS]
+        poses += [_moved(T, np.array([0.0, 0.0, top + h - T[2]])) for T in (start, goal) for h in LIFTS]
     middles = [_in_the_middle(checker, T) for T in (start, goal)]
     poses += middles + [turned for T in (start, goal, *middles) for turned in _turned(checker, T)]
-    poses += [np.r_[T[:3], q] for T in list(poses) for q in (start[3:], goal[3:])]
+    poses += [np.concatenate([T[:3], q]) for T in list(poses) for q in (start[3:], goal[3:])]
     poses = np.array(poses)
     near = kernels.all_lengths(poses, radius) <= SAME_POSE
     new = [k for k in range(len(poses)) if k < 2 or not near[k, :k].any()]

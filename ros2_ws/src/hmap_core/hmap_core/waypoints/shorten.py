@@ -133,7 +133,7 @@ def turn_late(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
         if np.array_equal(path[k, 3:], path[k - 1, 3:]):
             continue
         for step in steps:
-            kept = np.r_[path[k, :3] + step, path[k - 1, 3:]]
+            kept = np.concatenate([path[k, :3] + step, path[k - 1, 3:]])
             if checker.motion_free(path[k - 1], kept) and checker.motion_free(kept, path[k + 1]):
                 path[k] = kept
                 break
