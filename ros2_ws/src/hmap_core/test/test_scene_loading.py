@@ -104,7 +104,7 @@ CASES = [
     ("schema: 1\n", "", 1, "schema: is missing", Code.INVALID_SCENE),
     ("size: [2, 2, 0.1]", "size: [2, -2, 0.1]", 5, "fixed.table.size[1] = -2: must be greater", Code.INVALID_SCENE),
     ("size: [2, 2, 0.1]", "size: [2, 2]", 5, "size of a box is [x, y, z] full extents", Code.INVALID_SCENE),
-    ("size: [2, 2, 0.1]", "size: 2", 5, "fixed.table.size = 2: must be a valid list", Code.INVALID_SCENE),
+    ("size: [2, 2, 0.1]", "size: 2", 5, "fixed.table.size = 2: must be a list", Code.INVALID_SCENE),
     ("size: [2, 2, 0.1]", "size: [2, 2, 'gap - 1']", 5, "'gap - 1': must be greater than or", Code.INVALID_SCENE),
     ("size: [2, 2, 0.1]", "size: [2, 2, 1e9]", 5, "must be between -1000 and 1000", Code.INVALID_SCENE),
     ("shape: box, size: [2", "shape: cube, size: [2", 5, "'cube': must be one of box, cylinder", Code.INVALID_SCENE),
@@ -112,7 +112,9 @@ CASES = [
     ("object: bar", "object: no.yaml", 6, "file not found", Code.UNKNOWN_OBJECT),
     ("{length: 0.5}", "{lenght: 0.5}", 6, "fixed.wall.with.lenght = 0.5: the object 'bar' has no", Code.INVALID_SCENE),
     ("{length: 0.5}", "{length: -1}", 6, "with the values given here", Code.INVALID_SCENE),
-    ("mass: 0.2, ", "", 8, "the movable body 'puck' needs a mass", Code.INVALID_SCENE),
+    ("size: [2, 2, 0.1]", "size: 9" + 5000 * "9", 5, "more than 300 digits in a row", Code.INVALID_SCENE),
+    ("mass: 0.2, ", "", 8, "'puck' needs a mass of at least 0.001 kg; none is given", Code.INVALID_SCENE),
+    ("mass: 0.2, ", "mass: 1e-12, ", 8, "at least 0.001 kg; it is 1e-12 kg", Code.INVALID_SCENE),
     ("quaternion: [0, 0, 1, 0]", "quaternion: [0, 0, 1, 1]", 9, "norm 1.41421; it must be 1", Code.INVALID_POSE),
     ("xyz: [0.4, 0, 0.01]", "xyz: [0.4, .nan, 0.01]", 8, "movable.puck.pose.xyz[1] = nan", Code.INVALID_POSE),
     ("xyz: [0.4, 0, 0.01]", "xyz: [0.4, 0]", 8, "must be a list of 3 numbers [x, y, z]", Code.INVALID_POSE),
@@ -122,6 +124,7 @@ CASES = [
     ("  arm:", "  puck:", 19, "a body has this name already", Code.INVALID_SCENE),
     ("  other:", "  arm:", 20, "duplicate key", Code.INVALID_SCENE),
     ("  arm:", "  0arm:", 19, "a name is letters, digits", Code.INVALID_SCENE),
+    ("model: iiwa", "model: no.yaml", 20, "robots.other.model = 'no.yaml': ", Code.INVALID_SCENE),
     ("model: iiwa", "model: iwa", 20, "Did you mean 'iiwa'? Known: iiwa, panda", Code.UNKNOWN_ROBOT),
     ("q: [0.1, 0", "q: [0.1", 20, "must have 7 numbers", Code.INVALID_SCENE),
     ("q: [0.1", "q: [9.9", 20, "robots.other.q[0] = 9.9: must be within the joint's limits", Code.INVALID_SCENE),
@@ -132,6 +135,7 @@ CASES = [
     ("removable: {block", "removable: {blok", 24, "Did you mean 'block'?", Code.UNKNOWN_OBJECT),
     ("lower: [-0.01, -0.01, 0.03]", "lower: [1, -0.01, 0.03]", 17, "lower must be below upper", Code.INVALID_SCENE),
     ("mode: physical", "mode: physical\nseed: 1.5", 3, "seed = 1.5", Code.INVALID_SCENE),
+    ("mode: physical", "mode: physical\nunsolvable: maybe", 3, "must be true or false", Code.INVALID_SCENE),
     ("mode: physical", "mode: [", 4, "not valid YAML", Code.INVALID_SCENE),
     ("mode: physical", "mode: &a\n  x: *a", 2, "mode: must be one of", Code.INVALID_SCENE),
     ("mode: physical", "mode: 2020-01-01", 2, "mode: a value of the kind", Code.INVALID_SCENE),
@@ -166,6 +170,13 @@ def test_a_file_that_is_no_scene_is_an_input_error(tmp_path: Path, content: byte
     path = tmp_path / "task.yaml"
     path.write_bytes(content)
     with pytest.raises(InputError, match="task.yaml"):
+        load_scene(path)
+
+
+def test_a_file_that_is_no_text_is_told_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "task.yaml"
+    path.write_bytes(b"schema: 1\nmode: \xff\n")
+    with pytest.raises(InputError, match=r"task.yaml:2: not text in UTF-8: the byte 0xff"):
         load_scene(path)
 
 

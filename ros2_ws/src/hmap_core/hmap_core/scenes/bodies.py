@@ -14,6 +14,7 @@ from hmap_core.scenes.validate import validate
 from hmap_core.types import Body, BodyKind, Shape, ShapeKind
 
 DEFAULT_FRICTION = 0.6  # lateral Coulomb coefficient of wood or plastic on a table
+MIN_MASS = 1e-3  # kg, of what may move; less is a slip of the unit, and simulation becomes unstable
 UNIT_SCALE = (1.0, 1.0, 1.0)
 
 
@@ -37,8 +38,11 @@ def build_body(document: Document, location: Location, name: str, kind: BodyKind
         mine if (mine := getattr(entry, key)) is not None else getattr(source, key)
         for key in ("mass", "friction", "color", "graspable")
     )
-    if kind is not BodyKind.FIXED and not mass:
-        raise document.error(location, f"the {kind.value} body {name!r} needs a mass above 0 kg")
+    if kind is not BodyKind.FIXED and (mass is None or mass < MIN_MASS):
+        given = "none is given" if mass is None else f"it is {mass:g} kg"
+        raise document.error(
+            location, f"the {kind.value} body {name!r} needs a mass of at least {MIN_MASS:g} kg; {given}"
+        )
     return Body(
         name=name,
         kind=kind,

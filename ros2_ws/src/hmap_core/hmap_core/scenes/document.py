@@ -1,5 +1,6 @@
 """YAML files as plain data that remember the line of every key, so that an error can point at it."""
 
+import re
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -17,6 +18,7 @@ from hmap_core.exceptions import Code, InputError
 
 MAX_FILE_SIZE = 1_000_000  # bytes; a scene is a few kB, anything larger is not one
 MAX_NODES = 100_000  # values after aliases are expanded
+MAX_DIGITS = 300  # of a number, in a row
 MAX_SHOWN = 60  # characters of a wrong value that an error repeats
 
 Location = tuple[str | int, ...]
@@ -73,13 +75,19 @@ def read(path: Path) -> Document:
 @lru_cache(maxsize=64)
 def _parse(path: Path, text: str) -> Document:
     """The document; kept, because the parser is slow and a scene names the same robot and objects several times."""
+    long = re.search(rf"\d{{{MAX_DIGITS + 1}}}", text)
+    if long is not None:
+        line = text.count("\n", 0, long.start()) + 1
+        raise InputError(
+            f"{path}:{line}: more than {MAX_DIGITS} digits in a row; is this a number?", Code.INVALID_SCENE
+        )
     try:
         node = YAML(typ="rt", pure=True).load(text)
     except MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         problem = " ".join(str(error.problem or error.context).split(" with value ")[0].split())
         raise InputError(f"{path}:{line}: not valid YAML: {problem}", Code.INVALID_SCENE) from error
-    except Exception as error:  # the parser lets errors of its own making through, such as ValueError of a long number
+    except Exception as error:  # the parser lets errors of its own making through
         raise InputError(f"{path}:1: not valid YAML: {' '.join(str(error).split())}", Code.INVALID_SCENE) from error
     if node is None:
         raise InputError(f"{path}:1: the file is empty; it must start with schema: 1", Code.INVALID_SCENE)
@@ -95,7 +103,15 @@ def _read_text(path: Path) -> str:
         if path.stat().st_size > MAX_FILE_SIZE:
             raise InputError(f"{path}: larger than {MAX_FILE_SIZE} bytes; is this a scene?", Code.INVALID_SCENE)
         return path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:  # ValueError: not UTF-8, or a path with a null character
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        byte = f"{error.object[error.start]:#04x}"
+        raise InputError(
+            f"{path}:{line}: not text in UTF-8: the byte {byte} has no meaning here", Code.INVALID_SCENE
+        ) from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}", Code.INVALID_SCENE) from error
+    except ValueError as error:  # a path with a null character
         raise InputError(f"{path}: cannot be read: {error}", Code.INVALID_SCENE) from error
 
 

@@ -119,8 +119,6 @@ def _robots(document: Document, entry: TaskFile, bodies: dict[str, Body]) -> dic
         try:
             model = load_robot_model(robot.model, document.path.parent)
         except InputError as error:
-            if error.code is not Code.UNKNOWN_ROBOT:
-                raise
             raise document.error((*here, "model"), error.reason, error.code) from error
         q = model.home.copy() if robot.q is None else np.array(robot.q)
         if len(q) != len(model.joint_names):

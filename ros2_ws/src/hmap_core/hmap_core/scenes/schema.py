@@ -243,7 +243,7 @@ class TaskFile(Strict):
     goal: GoalEntry
     removable: dict[Name, Pose | None] = {}
     execution_tolerance: ExecutionTolerance = ExecutionTolerance()
-    unsolvable: bool = False
+    unsolvable: StrictBool = False
 
 
 class EndEffector(Strict):

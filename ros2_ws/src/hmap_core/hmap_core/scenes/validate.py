@@ -12,6 +12,13 @@ from hmap_core.scenes.fields import Strict, nearest
 
 Model = TypeVar("Model", bound=Strict)
 _BOUNDS = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "too_large"}
+_KINDS = {
+    "dict_type": "must be a mapping of names to entries",
+    "list_type": "must be a list",
+    "string_type": "must be text",
+    "bool_type": "must be true or false",
+    "int_type": "must be an integer",
+}
 _POSE_KEYS = {"xyz", "rpy_deg", "quaternion"}
 
 
@@ -55,6 +62,13 @@ def _problem(detail: Mapping[str, Any]) -> str:
             return f"must be one of {', '.join(expected)}.{nearest(str(value), expected)}"
         case "string_pattern_mismatch":
             return "a name is letters, digits and _, a letter first"
+        case "too_short" | "too_long":
+            least, most = context.get("min_length"), context.get("max_length")
+            return f"has {context['actual_length']} entries; " + (
+                f"at least {least} needed" if kind == "too_short" else f"at most {most} allowed"
+            )
+        case _ if kind in _KINDS:
+            return _KINDS[kind]
     problem = detail["msg"]
     if problem.startswith("Input should"):
         problem = "must" + problem.removeprefix("Input should")
