@@ -480,6 +480,15 @@ def test_pushing_beside_the_centre_of_mass_turns_the_object(tmp_path):
     assert plans.kinds(check(plans.arc_push(tmp_path, 0.5, aside=0.02))) == {"friction_cone"}
 
 
+def test_what_hangs_over_the_support_has_no_friction_with_it(tmp_path):
+    plan = plans.arc_push(tmp_path, 0.12, aside=-0.03)
+    cube = plan["scene"]["bodies"][1]
+    block = {"shape": "box", "size": cube.pop("size"), "pose": plans.pose(0.0, 0.0, 0.0)}
+    lid = {"shape": "box", "size": [0.3, 0.3, 0.002], "pose": plans.pose(0.0, 0.0, plans.SIDE)}
+    cube |= {"shape": "compound", "parts": [block, lid]}
+    assert check(plan).valid
+
+
 def test_contact_that_holds_only_at_the_samples(tmp_path):
     """Coarse samples of an arc: between them the cube goes straight while the paw goes round."""
     report = check(plans.arc_push(tmp_path, 0.5, dt=0.2))

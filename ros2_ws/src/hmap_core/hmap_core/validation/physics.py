@@ -20,6 +20,7 @@ from hmap_core.validation.report import Findings, Kind
 from hmap_core.validation.support import center_of_mass, overlap
 from hmap_core.validation.world import Part, World
 
+THIN = 1e-4  # m: feet with less width are edges
 FLAT = 1e-6  # shortest horizontal part of a unit normal that still pushes sideways
 
 
@@ -84,14 +85,24 @@ def _length(contact: Contact) -> float:
     """Mean distance in metres of the object's footprint from its centre of mass, seen from above."""
     world, k = contact.world, contact.segment.first
     center = center_of_mass(world, contact.object, k)[:2]
-    parts = world.parts_of(contact.object)
-    tracks = [world.tracks[part] for part in parts]
-    points = np.vstack([polytope_points(t.part.solid, t.R[k], t.p[k])[:, :2] for t in tracks]) - center
-    triangles = points[Delaunay(points).simplices]
+    tracks = [world.tracks[part] for part in world.parts_of(contact.object)]
+    feet = _feet([polytope_points(t.part.solid, t.R[k], t.p[k]) for t in tracks])
+    triangles = np.concatenate([foot[Delaunay(foot).simplices] for foot in feet]) - center
     side_a, side_b = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     areas = np.abs(side_a[:, 0] * side_b[:, 1] - side_a[:, 1] * side_b[:, 0])
     distances = np.linalg.norm(np.einsum("bc,tcx->tbx", _barycentric(), triangles), axis=2).mean(axis=1)
     return float(areas @ distances / areas.sum())
+
+
+def _feet(parts: list[np.ndarray]) -> list[np.ndarray]:
+    """On what an object of parts, each with vertices (n, 3), stands: corners (m, 2) of one foot for each part.
+
+    All of it, seen from above, where it stands on no face.
+    """
+    lowest = min(points[:, 2].min() for points in parts)
+    low = [points[points[:, 2] <= lowest + limits.SUPPORT_GAP, :2] for points in parts]
+    feet = [foot for foot in low if len(foot) >= 3 and np.linalg.svd(foot - foot.mean(0))[1][-1] > THIN]
+    return feet or [np.vstack(parts)[:, :2]]
 
 
 def _motions(contact: Contact, length: float) -> tuple[np.ndarray, np.ndarray]:
