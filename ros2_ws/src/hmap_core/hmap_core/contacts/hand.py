@@ -2,15 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 
+from hmap_core.collision.convex import ConvexSet, set_distance
 from hmap_core.contacts.candidates import Hand
-from hmap_core.kinematics.arm import LINK_TOLERANCE, Arm, load_arm
-from hmap_core.transforms import apply, from_matrix, inverse, multiply, pose
-from hmap_core.types import ContactKind, ContactPoint, Gripper, Robot
+from hmap_core.kinematics.arm import LINK_TOLERANCE, Arm, LinkHull, load_arm
+from hmap_core.komo.shapes import body_set
+from hmap_core.transforms import IDENTITY, apply, from_matrix, inverse, multiply, pose
+from hmap_core.types import Body, ContactKind, ContactPoint, Gripper, Robot, ShapeKind
 
 PALM_STEP = 0.001  # m to which the palm's distance is rounded down
+FITS = 9e-4  # m that a closed finger may be off a surface or inside of it; the judge allows 1 mm
 OPENINGS = 9  # at which the palm's distance is looked for where parts of the hand move with the opening
 
 
@@ -79,3 +83,33 @@ def seated(contacts: Sequence[ContactPoint], gripper: Gripper) -> list[ContactPo
         else c
         for c in contacts
     ]
+
+
+def fitting(body: Body, contacts: Sequence[ContactPoint], robot: Robot) -> list[ContactPoint]:
+    """The contacts without the grasps of which a closed finger hangs in the air, or is in another part of the object.
+
+    The sampler looks along the closing axis, and sees neither what is beside the pads nor that faces lean. Grasps are
+    those of :func:`seated`. A single box, cylinder, capsule or ball has nothing like that.
+    """
+    if len(body.shapes) == 1 and body.shapes[0].kind is not ShapeKind.MESH:
+        return list(contacts)
+    arm, own = load_arm(robot.model), body_set(body)
+    hulls = sorted((hull for hull in arm.hulls if hull.finger), key=lambda hull: hull.link)
+    fingers = [list(group) for _, group in groupby(hulls, key=lambda hull: hull.link)]
+    T_ee_tip = inverse(from_matrix(arm.T_tip_ee))
+
+    def fits(contact: ContactPoint) -> bool:
+        T = multiply(contact.T_obj_ee, T_ee_tip)
+        off = (set_distance(_opened(finger, contact.opening), T, own, IDENTITY) for finger in fingers)
+        return all(abs(distance) <= FITS for distance in off)
+
+    return [contact for contact in contacts if contact.kind != ContactKind.GRASP or fits(contact)]
+
+
+def _opened(finger: Sequence[LinkHull], opening: float) -> ConvexSet:
+    """The hulls of a finger in the tip frame, the gripper open by ``opening`` metres."""
+    vertices = [hull.at(opening) for hull in finger]
+    centers, bounds = zip(*(hull.sphere_at(opening) for hull in finger), strict=True)
+    start = np.cumsum([0, *map(len, vertices)], dtype=np.int64)
+    radius, edges = np.array([hull.radius for hull in finger]), tuple(hull.edges for hull in finger)
+    return ConvexSet(np.concatenate(vertices), start, radius, np.array(centers), np.array(bounds), edges)
