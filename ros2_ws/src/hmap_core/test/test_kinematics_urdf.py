@@ -94,11 +94,12 @@ def test_features_know_sliding_and_turning_joints(robot, joints):
         assert_derivative(relative_pose(world.tip("a") - 1, pose(), target, 1), world.chain, q, 1e-7)
 
 
+@pytest.mark.parametrize("limits", [(-1.0, 1.0), (0.8, 1.0)])
 @pytest.mark.parametrize("joints", [3, 14])
-def test_no_point_moves_more_than_reach_says(robot, joints):
+def test_no_point_moves_more_than_reach_says(robot, joints, limits):
     """Also with sliding joints further out, whose stroke counts."""
     rng = np.random.default_rng(3)
-    arm = build_arm(robot(joints))
+    arm = build_arm(replace(robot(joints), position_limits=np.outer(limits, np.ones(joints))))
     reach = arm.reach()
     assert len(arm.hulls) == joints + 2
     for _ in range(100):
@@ -109,6 +110,22 @@ def test_no_point_moves_more_than_reach_says(robot, joints):
             f = hull.frame
             moved = hull.vertices @ (Rb[f] - Ra[f]).T + pb[f] - pa[f]
             assert np.linalg.norm(moved, axis=1).max() <= bound + 1e-12
+
+
+@pytest.mark.parametrize("first", ["revolute", "prismatic"])
+@pytest.mark.parametrize("limits", [(-1.0, 1.0), (0.8, 1.0)])
+def test_no_point_is_farther_than_the_length_says(robot, first, limits):
+    model = robot(3)
+    model.urdf.write_text(model.urdf.read_text().replace('type="revolute"', f'type="{first}"', 1))
+    arm = build_arm(replace(model, position_limits=np.outer(limits, np.ones(3))))
+    assert arm.prismatic[0] == (first == "prismatic")
+    farthest = 0.0
+    for q in np.random.default_rng(4).uniform(*limits, (200, 3)):
+        R, p = arm.frames(q)
+        for hull in (h for h in arm.hulls if h.frame > 0):
+            points = hull.vertices @ R[hull.frame].T + p[hull.frame] - arm.p_joint[0]
+            farthest = max(farthest, np.linalg.norm(points, axis=1).max() + hull.radius)
+    assert 0.3 * arm.length < farthest <= arm.length + 1e-12
 
 
 def test_points_of_the_last_link_are_given_from_the_end_effector(robot):

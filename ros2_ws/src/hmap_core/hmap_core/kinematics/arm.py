@@ -112,8 +112,22 @@ class Arm:
         """Bound (n,) on the distance of any link point from each joint's axis; 1 for sliding joints."""
         return self._reach.copy()
 
+    @property
+    def length(self) -> float:
+        """Bound on how far any of its points comes from the origin of its first joint, m."""
+        return float(self._link_bound[0] + self.stroke[0])
+
+    @property
+    def stroke(self) -> np.ndarray:
+        """How far (n,) each joint slides at most, m."""
+        return np.where(self.prismatic == 1, np.abs(self.model.position_limits).max(axis=0), 0.0)
+
     @cached_property
     def _reach(self) -> np.ndarray:
+        return np.where(self.prismatic == 1, 1.0, self._link_bound)
+
+    @cached_property
+    def _link_bound(self) -> np.ndarray:
         extent = np.zeros(self.n + 1)  # of the links on each frame
         for hull in self.hulls:
             extent[hull.frame] = max(extent[hull.frame], hull.extent(self.model.gripper))
@@ -128,12 +142,11 @@ class Arm:
 
     def _bound(self, extent: np.ndarray) -> np.ndarray:
         """Distance (n,) from each joint's axis of what sticks out of the frames by extent (n + 1,)."""
-        bound = np.zeros(self.n)
+        bound, stroke = np.zeros(self.n), self.stroke
         for k in range(self.n - 1, -1, -1):
-            stroke = np.ptp(self.model.position_limits[:, k + 1]) if k + 1 < self.n and self.prismatic[k + 1] else 0.0
-            further = bound[k + 1] + np.linalg.norm(self.p_joint[k + 1]) + stroke if k + 1 < self.n else 0.0
+            further = bound[k + 1] + np.linalg.norm(self.p_joint[k + 1]) + stroke[k + 1] if k + 1 < self.n else 0.0
             bound[k] = max(extent[k + 1], further)
-        return np.where(self.prismatic == 1, 1.0, bound)
+        return bound
 
     @cached_property
     def span(self) -> float:

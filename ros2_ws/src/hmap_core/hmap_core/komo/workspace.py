@@ -135,7 +135,7 @@ def _depth(shapes: ConvexSet, up: np.ndarray) -> float:
 
 def _leverage(arm: Arm) -> tuple[np.ndarray, np.ndarray]:
     """Of the turning joints: how far the tip can be from the axis, and how far any link can, m."""
-    step = np.linalg.norm(arm.p_joint, axis=1) + np.where(arm.prismatic, np.ptp(arm.model.position_limits, axis=0), 0.0)
+    step = np.linalg.norm(arm.p_joint, axis=1) + arm.stroke
     beyond = np.concatenate([np.cumsum(step[:0:-1])[::-1], [0.0]])
     turning = arm.prismatic == 0
     return beyond[turning], arm.reach()[turning]
