@@ -15,6 +15,7 @@ from hmap_core.planner.assembly import assemble, state_after
 from hmap_core.planner.clearing import Course, Errand
 from hmap_core.transforms import interpolate, pose
 from hmap_core.types import ContactKind, ContactPoint, Goal, Segment, SegmentKind, Trajectory
+from hmap_core.waypoints import NoObjectPath
 
 PATH = 11  # poses of the object's path
 
@@ -140,6 +141,24 @@ def test_an_object_without_a_path_is_reported_as_it_is(scene):
 
     script.plan_waypoints = blocked
     assert failure(Planner(scene, backend=script)).code == Code.NO_OBJECT_PATH
+
+
+@pytest.mark.parametrize("contacts_fail", [True, False])
+def test_a_later_search_without_a_path_ends_nothing(scene, contacts_fail):
+    """Neither among the first paths, none of which leads to a contact, nor after those."""
+    script = Script(no_contact=contacts_fail, fail=lambda k: True)
+    search = script.plan_waypoints
+
+    def only_once(*args):
+        if "waypoints" in script.calls:
+            script.calls.append("none")
+            raise NoObjectPath("no path of 'brick'", ("wall",), None)
+        return search(*args)
+
+    script.plan_waypoints = only_once
+    error = failure(Planner(scene, backend=script))
+    assert script.calls.count("none") == (1 if contacts_fail else WAYPOINT_ROUNDS - 1)
+    assert error.code == (Code.OUT_OF_REACH if contacts_fail else Code.NO_MOTION)
 
 
 def test_the_time_limit_is_honoured_with_the_last_failure_as_reason(scene):

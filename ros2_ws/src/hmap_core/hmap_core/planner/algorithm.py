@@ -11,8 +11,9 @@ from hmap_core.contacts.camera import Cloud
 from hmap_core.contacts.grippable import grippable
 from hmap_core.contacts.hand import hand_of
 from hmap_core.contacts.push_path import PushPlanner, ways_in
-from hmap_core.exceptions import Code, ContactError, HmapError, InputError, MotionError, PlannerError
+from hmap_core.exceptions import Code, ContactError, HmapError, MotionError, PlannerError
 from hmap_core.plan_file import to_dict
+from hmap_core.planner import preconditions
 from hmap_core.planner.assembly import assemble, scene_at
 from hmap_core.planner.clearing import Clearing, Course, Errand, RemovalError, may_go
 from hmap_core.planner.diagnosis import why_no_contact
@@ -27,13 +28,12 @@ from hmap_core.planner.interfaces import (
     RobotContact,
     SegmentMotion,
 )
-from hmap_core.planner.local import PHYSICAL_MARGIN, LocalBackend, placed_bodies
-from hmap_core.planner.motion import standing_collision
+from hmap_core.planner.local import PHYSICAL_MARGIN, LocalBackend, path_obstacles
 from hmap_core.planner.obstruction import CONTACT_ROOM, Unhindered, in_motions, met, without
 from hmap_core.planner.sweep import motion_sweeps, object_sweep
 from hmap_core.planner.tools import holding, in_hand, put_back, tools_of
 from hmap_core.transforms import inverse, multiply, quaternion_multiply
-from hmap_core.types import BodyKind, ContactPoint, Goal, Plan, Scene, SceneState, SegmentKind, TaskMode
+from hmap_core.types import ContactPoint, Goal, Plan, Scene, SceneState, SegmentKind, TaskMode
 from hmap_core.validation import check
 from hmap_core.waypoints import NoObjectPath, ObjectPath, ObjectPathProblem, slid_first
 
@@ -116,6 +116,7 @@ class Planner:
         clouds: Mapping[str, Cloud] | None = None,
         grip: Grip | None = None,
     ):
+        self._as_written = state is None and grip is None
         if grip is not None:
             state = in_hand(scene, scene.start_state() if state is None else state, grip)
         self.scene = scene if state is None else scene_at(scene, state)
@@ -136,8 +137,12 @@ class Planner:
     def plan(self) -> Plan:
         """The outer loop: object paths until segments are found for all of one, and the judge accepts them."""
         goal = self.scene.goal
-        self._check_goal(goal)
-        self._check_start(goal)
+        preconditions.check_goal(self.scene, goal)
+        if self._as_written:
+            preconditions.check_bodies(self.scene, goal)
+        held = self.scene if self.grip is None else holding(self.scene, self.grip)
+        preconditions.check_robots(held, self.start, goal.object)
+        preconditions.check_reach(self.scene, self.start, goal)
         blocked = 0
         for attempt in range(WAYPOINT_ROUNDS):
             self.clearing.begun = 0
@@ -148,6 +153,10 @@ class Planner:
                 if blocked == BLOCKED_ROUNDS:
                     raise
                 continue
+            except NoObjectPath:
+                if attempt == 0:
+                    raise
+                continue  # the object has a path, and the last failure tells why it led nowhere
             plan = self._finished(*found) if found is not None else None
             if plan is not None:
                 return plan
@@ -178,7 +187,12 @@ class Planner:
         tries, known = self.counts["contact_tries"], []
         for _ in range(PATHS_AT_FIRST if attempt == 0 else 1):
             self._report("waypoints", text=f"path of '{errand.goal.object}' {errand.reason}")
-            poses, blockers = self._way(errand, course, attempt)
+            try:
+                poses, blockers = self._way(errand, course, attempt)
+            except NoObjectPath:
+                if not known:
+                    raise
+                break
             if any(np.array_equal(poses, other) for other in known):
                 continue  # and the next one may differ
             known.append(poses)
@@ -279,7 +293,7 @@ class Planner:
 
     def _pushes(self, state: SceneState, object: str, poses: np.ndarray) -> PushPlanner:
         """Finds paths made of pushes from the first of the poses to the last."""
-        around = placed_bodies(self.scene, state, object)
+        around = path_obstacles(self.scene, state, object, poses[[0, -1]])
         return PushPlanner(
             ObjectPathProblem(self.scene.bodies[object], poses[0], poses[-1], around, margin=PHYSICAL_MARGIN)
         )
@@ -293,7 +307,7 @@ class Planner:
         if self.scene.mode == TaskMode.KINEMATIC or errand.whole:
             return
         object, state = errand.goal.object, put_back(course.state, course.grip)
-        around = placed_bodies(self.scene, state, object)
+        around = path_obstacles(self.scene, state, object, poses[[0, -1]])
         slid = slid_first(ObjectPathProblem(self.scene.bodies[object], poses[0], poses[-1], around), poses)
         if slid is not None:
             yield slid
@@ -543,30 +557,6 @@ class Planner:
             return None
         self._report("done", len(waypoints), len(waypoints), text=f"planned in {planning_time:.2f} s")
         return plan
-
-    def _check_goal(self, goal: Goal) -> None:
-        body = self.scene.bodies.get(goal.object)
-        if body is None or body.kind == BodyKind.FIXED:
-            movable = ", ".join(n for n, b in self.scene.bodies.items() if b.kind != BodyKind.FIXED)
-            raise InputError(f"goal object '{goal.object}' cannot be moved; allowed: {movable}", Code.UNKNOWN_OBJECT)
-
-    def _check_start(self, goal: Goal) -> None:
-        """No robot may stand beyond its limits or in something."""
-        scene = self.scene if self.grip is None else holding(self.scene, self.grip)
-        for name, robot in self.scene.robots.items():
-            q, limits = self.start.q[name], robot.model.position_limits
-            for joint, value, low, high in zip(robot.model.joint_names, q, *limits, strict=True):
-                if not low <= value <= high:
-                    raise InputError(
-                        f"robot '{name}' starts with {joint} at {value:.4f}; allowed: {low:.4f} to {high:.4f}",
-                        Code.INVALID_INPUT,
-                    )
-            hit = standing_collision(scene, self.start, name, goal.object)
-            if hit is not None:
-                raise InputError(
-                    f"robot '{name}' starts {hit[1] * 1e3:.1f} mm inside: {' and '.join(hit[0])} overlap",
-                    Code.START_IN_COLLISION,
-                )
 
     def _check_reach(self, goal: Goal, last_poses: np.ndarray) -> None:
         """Raises ContactError when no robot could bring the object along the last poses, whatever the way there."""

@@ -7,11 +7,12 @@ from itertools import chain
 
 import numpy as np
 
+from hmap_core.collision.convex import set_distance
 from hmap_core.contacts.access import accessible
 from hmap_core.contacts.camera import Cloud, visible_points
 from hmap_core.contacts.candidates import Situation
 from hmap_core.contacts.feasibility import CHUNK, feasible_contacts, promising, reach_bounds, reachable
-from hmap_core.contacts.hand import hand_of, seated
+from hmap_core.contacts.hand import fitting, hand_of, seated
 from hmap_core.contacts.hold import pad_balance, pushing_share, turning_share
 from hmap_core.contacts.proposer import NoProposer, Proposer
 from hmap_core.contacts.sampler import sample_contacts
@@ -24,8 +25,19 @@ from hmap_core.planner import motion
 from hmap_core.planner.interfaces import Grip, RobotContact, SegmentMotion
 from hmap_core.planner.lifting import lifted
 from hmap_core.planner.tools import holding, spread, tools_of, within_reach
-from hmap_core.transforms import rotation_matrix
-from hmap_core.types import Body, ContactPoint, Goal, Scene, SceneState, TaskMode
+from hmap_core.transforms import pose, rotation_matrix
+from hmap_core.types import (
+    Body,
+    BodyKind,
+    ContactPoint,
+    Goal,
+    RobotModel,
+    Scene,
+    SceneState,
+    Shape,
+    ShapeKind,
+    TaskMode,
+)
 from hmap_core.waypoints import DEFAULT_MARGIN, ObjectPath, ObjectPathProblem, plan_waypoints, standing
 
 SURFACE_POINTS = 600  # samples of the object's surface when looking at it
@@ -50,6 +62,28 @@ MIN_REACH = 2  # poses a contact has to serve, unless the path is shorter
 def placed_bodies(scene: Scene, state: SceneState, without: str) -> tuple[Body, ...]:
     """All bodies but one, where they are now."""
     return tuple(replace(b, pose=state.poses[name]) for name, b in scene.bodies.items() if name != without)
+
+
+def path_obstacles(scene: Scene, state: SceneState, object: str, ends: Sequence[np.ndarray]) -> tuple[Body, ...]:
+    """What stands around while an object goes from one of two ``ends`` (7,) to the other: bodies, and robots' bases.
+
+    A base is a box round each of its links, but for those in which the object would be at an end.
+    """
+    own = body_set(scene.bodies[object])
+    boxes = ((name, shape, robot.base_pose) for name, robot in scene.robots.items() for shape in _base(robot.model))
+    bases: dict[str, Body] = {}
+    for name, shape, T in boxes:
+        box = Body(name, BodyKind.FIXED, (shape,), T)
+        if all(set_distance(own, end, body_set(box), T, 0.0) >= 0.0 for end in ends):
+            bases[name] = replace(box, shapes=(*(bases[name].shapes if name in bases else ()), shape))
+    return (*placed_bodies(scene, state, object), *bases.values())
+
+
+def _base(model: RobotModel) -> tuple[Shape, ...]:
+    """A box round each link of an arm that does not move, in the frame of its base."""
+    hulls = [hull for hull in load_arm(model).hulls if hull.frame == 0]
+    bounds = [(hull.vertices.min(axis=0) - hull.radius, hull.vertices.max(axis=0) + hull.radius) for hull in hulls]
+    return tuple(Shape(ShapeKind.BOX, tuple(high - low), pose(0.5 * (low + high))) for low, high in bounds)
 
 
 def away_from_home(scene: Scene, state: SceneState, robot: str) -> tuple[str, ...]:
@@ -89,7 +123,7 @@ class LocalBackend:
             scene.bodies[object],
             state.poses[object],
             goal.pose,
-            placed_bodies(scene, state, object),
+            path_obstacles(scene, state, object, (state.poses[object], goal.pose)),
             scene.motion,
             DEFAULT_MARGIN if scene.mode == TaskMode.KINEMATIC else PHYSICAL_MARGIN,
             removable=frozenset(scene.removable),
@@ -384,9 +418,8 @@ class LocalBackend:
                     batch = [c for c, used in zip(batch, share, strict=True) if used <= TURNING_SHARE]
                 elif hand.gripper is not None:
                     even = pad_balance(body, batch, hand.gripper)
-                    batch = seated(
-                        [c for c, share in zip(batch, even, strict=True) if share >= PAD_BALANCE], hand.gripper
-                    )
+                    batch = [c for c, share in zip(batch, even, strict=True) if share >= PAD_BALANCE]
+                    batch = fitting(body, seated(batch, hand.gripper), placed)
                 yield batch
                 if total >= MAX_CANDIDATES:
                     break
@@ -411,5 +444,5 @@ def worth(scene: Scene, contact: RobotContact) -> float:
     arm = load_arm(robot.model)
     frames = [arm.frames(q) for q in contact.keyframes[[0, -1]]]
     tips = [p[-1] + R[-1] @ arm.T_tip_ee[:3, 3] for R, p in frames]
-    stretch = max(float(np.linalg.norm(tip - arm.p_joint[0])) for tip in tips) / arm.reach()[0]
+    stretch = max(float(np.linalg.norm(tip - arm.p_joint[0])) for tip in tips) / arm.length
     return (contact.reach + SCORE_WEIGHT * contact.contact.score) * (1.0 - STRETCH_WEIGHT * stretch**2)

@@ -114,7 +114,7 @@ class _Search:
         self.robots = hull_set(links)
         arms = [(r, load_arm(r.model)) for r in scene.robots.values()]
         self.shoulders = np.array([apply(r.base_pose, arm.p_joint[0]) for r, arm in arms]).reshape(-1, 3)
-        self.reach = np.array([arm.reach()[0] for _, arm in arms])
+        self.reach = np.array([arm.length for _, arm in arms])
         self.lowest = feet(self.shapes, rotation_matrix(self.T))[1] + float(self.T[2])
 
     def stands_on(self, face: Face) -> bool:

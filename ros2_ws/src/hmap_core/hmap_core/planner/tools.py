@@ -58,14 +58,14 @@ def within_reach(scene: Scene, state: SceneState, robot: str, tool: str, object:
     """Whether a robot might touch a tool, and an object with the tool's farthest end."""
     placed = scene.robots[robot]
     arm = load_arm(placed.model)
-    shoulder, reach = apply(placed.base_pose, arm.p_joint[0]), arm.reach()[0]
+    shoulder, reach = apply(placed.base_pose, arm.p_joint[0]), arm.length
     far = {
-        name: float(np.linalg.norm(state.poses[name][:3] - shoulder)) - _extent(scene, name) for name in (tool, object)
+        name: float(np.linalg.norm(state.poses[name][:3] - shoulder)) - extent(scene, name) for name in (tool, object)
     }
-    return far[tool] <= reach and far[object] <= reach + 2.0 * _extent(scene, tool)
+    return far[tool] <= reach and far[object] <= reach + 2.0 * extent(scene, tool)
 
 
-def _extent(scene: Scene, name: str) -> float:
+def extent(scene: Scene, name: str) -> float:
     """Largest distance of a point of a body from its origin, m."""
     shapes = body_set(scene.bodies[name])
     return float((np.linalg.norm(shapes.center, axis=1) + shapes.bound).max())

@@ -1,0 +1,128 @@
+"""What no search could mend: asked before anything is planned, so that it is told at once and by name."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hmap_core.collision.convex import ConvexSet, set_distance
+from hmap_core.exceptions import Code, ContactError, InputError
+from hmap_core.kinematics.arm import load_arm
+from hmap_core.komo.shapes import body_set, posed_links
+from hmap_core.komo.surroundings import hull_set
+from hmap_core.planner.motion import standing_collision
+from hmap_core.planner.tools import extent
+from hmap_core.transforms import IDENTITY, apply
+from hmap_core.types import BodyKind, Goal, Scene, SceneState, TaskMode
+from hmap_core.waypoints.checker import PENETRATION_ALLOWED
+
+HANGING = 0.005  # m: in a physical task, a body that is farther than this from all others falls
+GROUPS = {BodyKind.FIXED: "fixed", BodyKind.MOVABLE: "movable", BodyKind.TOOL: "tools"}  # keys of a task file
+
+
+def check_goal(scene: Scene, goal: Goal) -> None:
+    """Raises InputError UNKNOWN_OBJECT unless the goal is about a body that may be moved."""
+    body = scene.bodies.get(goal.object)
+    if body is None or body.kind == BodyKind.FIXED:
+        movable = ", ".join(n for n, b in scene.bodies.items() if b.kind != BodyKind.FIXED)
+        raise InputError(f"goal object '{goal.object}' cannot be moved; allowed: {movable}", Code.UNKNOWN_OBJECT)
+
+
+def check_robots(scene: Scene, state: SceneState, object: str) -> None:
+    """Raises InputError where a robot stands beyond its limits or in something.
+
+    Args:
+        scene: with what the robots hold as parts of their hands.
+        object: that is to be handled.
+    """
+    for name, robot in scene.robots.items():
+        q, limits = state.q[name], robot.model.position_limits
+        for joint, value, low, high in zip(robot.model.joint_names, q, *limits, strict=True):
+            if not low <= value <= high:
+                raise InputError(
+                    f"robot '{name}' starts with {joint} at {value:.4f}; allowed: {low:.4f} to {high:.4f}",
+                    Code.INVALID_INPUT,
+                )
+        hit = standing_collision(scene, state, name, object)
+        if hit is not None:
+            raise InputError(
+                f"robot '{name}' starts {hit[1] * 1e3:.1f} mm inside: {' and '.join(hit[0])} overlap",
+                Code.START_IN_COLLISION,
+            )
+
+
+def check_bodies(scene: Scene, goal: Goal) -> None:
+    """Whether bodies begin where they can be, as a task has written it.
+
+    Not asked of what was measured: sensors and simulated solids are off by a little.
+
+    Raises:
+        InputError: START_IN_COLLISION, one that may move is in another body or in a robot; INVALID_SCENE, one hangs in
+            the air in a physical task; INVALID_POSE, the goal does.
+    """
+    robots = dict(_robots(scene))
+    for name, body in scene.bodies.items():
+        if body.kind == BodyKind.FIXED:
+            continue
+        key = f"{GROUPS[body.kind]}.{name}.pose"
+        near = _distances(scene, robots, name, body.pose)
+        if near and near[0][0] < -PENETRATION_ALLOWED:
+            depth, other = near[0]
+            raise InputError(
+                f"'{name}' penetrates {other} by {-1e3 * depth:.1f} mm at its start ({key}); "
+                f"at most {1e3 * PENETRATION_ALLOWED:g} mm is allowed",
+                Code.START_IN_COLLISION,
+            )
+        if scene.mode == TaskMode.PHYSICAL:
+            _check_hanging(near, f"'{name}' hangs in the air at its start ({key})", HANGING, Code.INVALID_SCENE)
+    if scene.mode == TaskMode.PHYSICAL:
+        near = _distances(scene, robots, goal.object, goal.pose)
+        what = f"'{goal.object}' would hang in the air at its goal (goal.pose)"
+        _check_hanging(near, what, HANGING + goal.position_tolerance, Code.INVALID_POSE)
+
+
+def _check_hanging(near: list[tuple[float, str]], what: str, allowed: float, code: Code) -> None:
+    if not near or near[0][0] > allowed:
+        nearest = f"{near[0][1]} is the nearest, {1e3 * near[0][0]:.0f} mm away" if near else "nothing is around"
+        raise InputError(f"{what}: {nearest}; at most {1e3 * allowed:g} mm is allowed in a physical task", code)
+
+
+def _robots(scene: Scene) -> Iterator[tuple[str, ConvexSet]]:
+    """The links of each robot as the scene starts, in the world."""
+    state = scene.start_state()
+    for name, robot in scene.robots.items():
+        hulls = posed_links(robot, state.q[name], state.gripper[name])
+        yield name, hull_set([(vertices, radius, *sphere, edges) for _, vertices, radius, sphere, edges in hulls])
+
+
+def _distances(scene: Scene, robots: dict[str, ConvexSet], name: str, T: np.ndarray) -> list[tuple[float, str]]:
+    """How far (m) a body at T (7,) is from each other body and robot, and their names for people, the nearest first."""
+    own = body_set(scene.bodies[name])
+    bodies = [(body_set(body), body.pose, f"'{other}'") for other, body in scene.bodies.items() if other != name]
+    around = bodies + [(links, IDENTITY, f"robot '{robot}'") for robot, links in robots.items()]
+    return sorted((set_distance(own, T, other, place), what) for other, place, what in around)
+
+
+def check_reach(scene: Scene, state: SceneState, goal: Goal) -> None:
+    """Raises ContactError OUT_OF_REACH where all arms are too short for an object, at its start or its goal.
+
+    By their span and that of the tools alone: whether a hand can come to it otherwise is not asked.
+    """
+    own = extent(scene, goal.object)
+    tools = [extent(scene, n) for n, b in scene.bodies.items() if b.kind == BodyKind.TOOL and n != goal.object]
+    for what, T in (("start", state.poses[goal.object]), ("goal", goal.pose)):
+        short = {}
+        for name, robot in scene.robots.items():
+            arm = load_arm(robot.model)
+            distance = float(np.linalg.norm(T[:3] - apply(robot.base_pose, arm.p_joint[0])))
+            reach = arm.length + 2.0 * max(tools, default=0.0)
+            short[name] = distance - own - reach, distance, reach
+        if all(missing > 0.0 for missing, *_ in short.values()):
+            place = ", ".join(f"{v:.3f}" for v in T[:3])
+            arms = ", ".join(
+                f"'{n}' is {far:.2f} m away and reaches {reach:.2f} m" for n, (_, far, reach) in short.items()
+            )
+            with_tools = " with the longest tool" if tools else ""
+            raise ContactError(
+                f"the {what} of '{goal.object}' at ({place}) is out of reach of {', '.join(short)}{with_tools}: {arms}",
+                Code.OUT_OF_REACH,
+            )
