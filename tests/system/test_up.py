@@ -44,6 +44,18 @@ with AnyReader([Path(sys.argv[1])]) as reader:
     types = {connection.topic: connection.msgtype for connection in reader.connections}
 print(json.dumps({"counts": counts, "types": types, "robots": sorted(joints)}))
 """
+SUNK = """
+schema: 1
+mode: physical
+fixed:
+  table: {shape: box, size: [2, 2, 0.1], pose: {xyz: [0, 0, -0.05]}}
+movable:
+  box: {shape: box, size: [0.05, 0.05, 0.08], pose: {xyz: [0.5, -0.2, 0.04]}, mass: 0.3}
+  can: {shape: cylinder, size: [0.03, 0.1], pose: {xyz: [0.5, 0.0, 0.03]}, mass: 0.3}
+robots:
+  arm: {model: panda, base: {xyz: [0, 0, 0]}}
+goal: {object: box, pose: {xyz: [0.5, 0.2, 0.04]}}
+"""
 
 
 def command(*arguments: str) -> list[str]:
@@ -139,6 +151,17 @@ def test_an_unknown_task_is_refused_before_anything_starts(tmp_path):
     )
     assert done.returncode == 2
     assert "input/UNKNOWN_TASK" in done.stderr and "Traceback" not in done.stderr
+    assert not (tmp_path / "runs").exists()
+
+
+def test_so_is_one_in_which_bodies_are_in_each_other(tmp_path):
+    task = tmp_path / "sunk.yaml"
+    task.write_text(SUNK)
+    done = subprocess.run(
+        command("up", str(task), "--out", str(tmp_path / "runs")), capture_output=True, text=True, timeout=LIMIT
+    )
+    assert done.returncode == 2
+    assert "input/START_IN_COLLISION" in done.stderr and "movable.can.pose" in done.stderr
     assert not (tmp_path / "runs").exists()
 
 

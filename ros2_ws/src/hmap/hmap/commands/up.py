@@ -46,9 +46,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     prepare_process()
-    from hmap_core.scenes import load_scene  # slow to import, as is all of ROS below
+    from hmap_core.planner.preconditions import check_bodies  # slow to import, as is all of ROS below
+    from hmap_core.scenes import load_scene
 
     scene = load_scene(arguments.task, arguments.seed)
+    check_bodies(scene, scene.goal)
     if arguments.task.endswith((".yaml", ".yml")):
         arguments.task = str(Path(arguments.task).expanduser().absolute())
     if scene.mode == KINEMATIC and not arguments.plan_only:

@@ -18,6 +18,7 @@ from hmap.world.actions import ControllerActions
 from hmap.world.cameras import CameraPublisher
 from hmap.world.loop import WorldLoop
 from hmap_core.exceptions import Code, InputError
+from hmap_core.planner.preconditions import check_bodies
 from hmap_core.scenes import load_scene, scene_from_text
 from hmap_core.simulation.world import SimulatedWorld
 from hmap_core.types import BodyKind, Scene
@@ -78,7 +79,11 @@ class WorldNode(HmapNode):
     # services
 
     def _load(self, request, response) -> None:
-        scene = scene_from_text(request.text) if request.text else load_scene(request.task, int(request.seed))
+        if request.text:
+            scene = scene_from_text(request.text)
+        else:
+            scene = load_scene(request.task, int(request.seed))
+            check_bodies(scene, scene.goal)
         self._reload(scene)
         self._describe(response)
 
