@@ -61,7 +61,7 @@ class WorldNode(HmapNode):
         self._actions: dict[str, ControllerActions] = {}
         self._poses: dict[str, object] = {}
         self._cameras: dict[str, CameraPublisher] = {}
-        self._loop = WorldLoop(load_scene(task, seed), speed, idle, self._publish)
+        self._loop = WorldLoop(_task(task, seed), speed, idle, self._publish)
         self._offer_scene()
         self.serve(LoadScene, "load_scene", self._load)
         self.serve(Reset, "reset", lambda request, response: self._reload(self._loaded))
@@ -79,11 +79,7 @@ class WorldNode(HmapNode):
     # services
 
     def _load(self, request, response) -> None:
-        if request.text:
-            scene = scene_from_text(request.text)
-        else:
-            scene = load_scene(request.task, int(request.seed))
-            check_bodies(scene, scene.goal)
+        scene = scene_from_text(request.text) if request.text else _task(request.task, int(request.seed))
         self._reload(scene)
         self._describe(response)
 
@@ -214,6 +210,13 @@ class WorldNode(HmapNode):
         if self._pictured is not None and self._pictured.shape != configuration.shape:
             self._pictured = np.full_like(configuration, np.inf)  # a body came or went
         return configuration
+
+
+def _task(name: str, seed: int) -> Scene:
+    """The scene of a task, in which bodies begin where they can be. Raises InputError."""
+    scene = load_scene(name, seed)
+    check_bodies(scene, scene.goal)
+    return scene
 
 
 def main(args: list[str] | None = None) -> int:
