@@ -28,7 +28,7 @@ from hmap_core.planner.interfaces import (
     RobotContact,
     SegmentMotion,
 )
-from hmap_core.planner.local import PHYSICAL_MARGIN, LocalBackend, path_obstacles
+from hmap_core.planner.local import PHYSICAL_MARGIN, LocalBackend, placed_bodies
 from hmap_core.planner.obstruction import CONTACT_ROOM, Unhindered, in_motions, met, without
 from hmap_core.planner.sweep import motion_sweeps, object_sweep
 from hmap_core.planner.tools import holding, in_hand, put_back, tools_of
@@ -293,7 +293,7 @@ class Planner:
 
     def _pushes(self, state: SceneState, object: str, poses: np.ndarray) -> PushPlanner:
         """Finds paths made of pushes from the first of the poses to the last."""
-        around = path_obstacles(self.scene, state, object, poses[[0, -1]])
+        around = placed_bodies(self.scene, state, object)
         return PushPlanner(
             ObjectPathProblem(self.scene.bodies[object], poses[0], poses[-1], around, margin=PHYSICAL_MARGIN)
         )
@@ -307,7 +307,7 @@ class Planner:
         if self.scene.mode == TaskMode.KINEMATIC or errand.whole:
             return
         object, state = errand.goal.object, put_back(course.state, course.grip)
-        around = path_obstacles(self.scene, state, object, poses[[0, -1]])
+        around = placed_bodies(self.scene, state, object)
         slid = slid_first(ObjectPathProblem(self.scene.bodies[object], poses[0], poses[-1], around), poses)
         if slid is not None:
             yield slid

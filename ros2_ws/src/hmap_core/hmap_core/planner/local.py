@@ -38,7 +38,8 @@ from hmap_core.types import (
     ShapeKind,
     TaskMode,
 )
-from hmap_core.waypoints import DEFAULT_MARGIN, ObjectPath, ObjectPathProblem, plan_waypoints, standing
+from hmap_core.waypoints import DEFAULT_MARGIN, NoObjectPath, ObjectPath, ObjectPathProblem, plan_waypoints, standing
+from hmap_core.waypoints.checker import Geometry, ObjectChecker
 
 SURFACE_POINTS = 600  # samples of the object's surface when looking at it
 BATCH = 240  # candidates checked at once
@@ -64,19 +65,26 @@ def placed_bodies(scene: Scene, state: SceneState, without: str) -> tuple[Body, 
     return tuple(replace(b, pose=state.poses[name]) for name, b in scene.bodies.items() if name != without)
 
 
-def path_obstacles(scene: Scene, state: SceneState, object: str, ends: Sequence[np.ndarray]) -> tuple[Body, ...]:
-    """What stands around while an object goes from one of two ``ends`` (7,) to the other: bodies, and robots' bases.
+def bases(scene: Scene, object: str, ends: Sequence[np.ndarray]) -> tuple[Body, ...]:
+    """The robots' bases, past which an object goes from one of two ``ends`` (7,) to the other.
 
     A base is a box round each of its links, but for those in which the object would be at an end.
     """
     own = body_set(scene.bodies[object])
     boxes = ((name, shape, robot.base_pose) for name, robot in scene.robots.items() for shape in _base(robot.model))
-    bases: dict[str, Body] = {}
+    found: dict[str, Body] = {}
     for name, shape, T in boxes:
         box = Body(name, BodyKind.FIXED, (shape,), T)
         if all(set_distance(own, end, body_set(box), T, 0.0) >= 0.0 for end in ends):
-            bases[name] = replace(box, shapes=(*(bases[name].shapes if name in bases else ()), shape))
-    return (*placed_bodies(scene, state, object), *bases.values())
+            found[name] = replace(box, shapes=(*(found[name].shapes if name in found else ()), shape))
+    return tuple(found.values())
+
+
+def _passes(problem: ObjectPathProblem, bodies: tuple[Body, ...], poses: np.ndarray) -> bool:
+    """Whether a problem's body goes past others along poses (M, 7)."""
+    alone = replace(problem, obstacles=bodies, removable=frozenset())
+    checker = ObjectChecker(alone, Geometry(alone), False, 0.0)
+    return all(checker.motion_free(a, b) for a, b in zip(poses[:-1], poses[1:], strict=True))
 
 
 def _base(model: RobotModel) -> tuple[Shape, ...]:
@@ -118,17 +126,26 @@ class LocalBackend:
         time_limit: float,
         checks: float = np.inf,
     ) -> ObjectPath:
-        """Algorithm 2."""
+        """Algorithm 2; anew, round the robots' bases, where the path leads through one."""
         problem = ObjectPathProblem(
             scene.bodies[object],
             state.poses[object],
             goal.pose,
-            path_obstacles(scene, state, object, (state.poses[object], goal.pose)),
+            placed_bodies(scene, state, object),
             scene.motion,
             DEFAULT_MARGIN if scene.mode == TaskMode.KINEMATIC else PHYSICAL_MARGIN,
             removable=frozenset(scene.removable),
         )
-        return plan_waypoints(problem, np.random.default_rng(seed), time_limit, checks)
+        rng = np.random.default_rng(seed)
+        path = plan_waypoints(problem, rng, time_limit, checks)
+        around = bases(scene, object, (problem.start, problem.goal))
+        if not around or _passes(problem, around, path.poses):
+            return path
+        problem = replace(problem, obstacles=(*problem.obstacles, *around))
+        try:
+            return plan_waypoints(problem, rng, time_limit, checks)
+        except NoObjectPath:  # boxes are larger than what is in them
+            return path
 
     def propose_contacts(
         self,
