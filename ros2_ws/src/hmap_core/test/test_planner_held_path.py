@@ -18,7 +18,7 @@ from hmap_core.transforms import pose
 from hmap_core.types import Body, BodyKind, ContactKind, Shape, ShapeKind
 from hmap_core.waypoints import NoObjectPath
 
-UNDER_BAR = 0.2  # m, height of the bar's lower side
+UNDER_BAR = 0.19  # m, height of the bar's lower side
 
 
 def box(name: str, size, position, kind=BodyKind.FIXED) -> Body:
@@ -56,7 +56,7 @@ def test_the_hand_goes_with_the_object_past_what_stands_around(scene, hands):
         joined = body_set(with_hand(scene.bodies["brick"], scene.robots["arm"], held.contact))
         for name in ("bar", "wall", "table"):
             assert object_clearances(joined, held.poses, scene.bodies[name]).min() > -1e-3
-        assert object_clearances(joined, alone, scene.bodies["bar"]).min() < -2e-3
+        assert object_clearances(joined, alone, scene.bodies["bar"]).min() < -0.01
 
 
 def handed_out(scene, held, poses):
