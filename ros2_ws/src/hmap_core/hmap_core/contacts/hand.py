@@ -10,6 +10,7 @@ from hmap_core.collision.convex import ConvexSet, set_distance
 from hmap_core.contacts.candidates import Hand
 from hmap_core.kinematics.arm import LINK_TOLERANCE, Arm, LinkHull, load_arm
 from hmap_core.komo.shapes import body_set
+from hmap_core.komo.surroundings import hull_set
 from hmap_core.transforms import IDENTITY, apply, from_matrix, inverse, multiply, pose
 from hmap_core.types import Body, ContactKind, ContactPoint, Gripper, Robot, ShapeKind
 
@@ -108,8 +109,4 @@ def fitting(body: Body, contacts: Sequence[ContactPoint], robot: Robot) -> list[
 
 def _opened(finger: Sequence[LinkHull], opening: float) -> ConvexSet:
     """The hulls of a finger in the tip frame, the gripper open by ``opening`` metres."""
-    vertices = [hull.at(opening) for hull in finger]
-    centers, bounds = zip(*(hull.sphere_at(opening) for hull in finger), strict=True)
-    start = np.cumsum([0, *map(len, vertices)], dtype=np.int64)
-    radius, edges = np.array([hull.radius for hull in finger]), tuple(hull.edges for hull in finger)
-    return ConvexSet(np.concatenate(vertices), start, radius, np.array(centers), np.array(bounds), edges)
+    return hull_set([(hull.at(opening), hull.radius, *hull.sphere_at(opening), hull.edges) for hull in finger])

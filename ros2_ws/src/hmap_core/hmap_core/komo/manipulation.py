@@ -44,6 +44,8 @@ def bit(*phases: Phase) -> int:
 
 
 FREE = bit(Phase.TRANSIT, Phase.APPROACH, Phase.RETREAT)
+# In which phases the hand is near the object, and in which far from it: where that is taken, and where it is left.
+COMING, LEAVING = (bit(Phase.APPROACH), bit(Phase.TRANSIT)), (bit(Phase.RETREAT), 0)
 # What a carried object must not hit counts only where paths are verified: the path of the object itself was planned
 # free, and a hold follows it pose by pose.
 CARRIED = 1 << len(Phase)
@@ -141,11 +143,11 @@ class Manipulation:
 
     def coming_collisions(self, contact: ContactPoint, T_start: np.ndarray) -> CollisionModel:
         """What :meth:`collisions` says of the way to the object at T_start (7,); alike for contacts open alike."""
-        return self._with_object(contact, T_start, bit(Phase.APPROACH), bit(Phase.TRANSIT))
+        return self._with_object(contact, T_start, *COMING)
 
     def leaving_collisions(self, contact: ContactPoint, T_end: np.ndarray) -> CollisionModel:
         """What it says of the retreat from the object at T_end (7,); alike for contacts open alike."""
-        return self._with_object(contact, T_end, bit(Phase.RETREAT), 0)
+        return self._with_object(contact, T_end, *LEAVING)
 
     def _with_object(self, contact: ContactPoint, T: np.ndarray, near: int, far: int) -> CollisionModel:
         """With the object at T (7,), by which the hand is near and far in phases given as bit masks."""
@@ -186,9 +188,9 @@ class Manipulation:
 
     def _add_standing(self, model: CollisionModel, around: Surroundings, contact: ContactPoint, T_start, T_end) -> None:
         """The object where it is taken and where it is left."""
-        places = [(T_start, bit(Phase.APPROACH), bit(Phase.TRANSIT))]
+        places = [(T_start, *COMING)]
         if T_end is not None:
-            places.append((T_end, bit(Phase.RETREAT), 0))
+            places.append((T_end, *LEAVING))
         self._add_places(model, around, contact, places)
 
     def _add_places(self, model: CollisionModel, around: Surroundings, contact: ContactPoint, places) -> None:

@@ -12,7 +12,7 @@ from hmap_core.kinematics.model import KinematicModel
 from hmap_core.komo.margins import ROBOT_CLEARANCE, SELF_CLEARANCE
 from hmap_core.komo.shapes import posed_links
 from hmap_core.transforms import apply
-from hmap_core.types import Scene, SceneState
+from hmap_core.types import Robot, Scene, SceneState
 
 # The openings of the moving robots' grippers: robot, then each opening (m) with the bit mask of its phases.
 Openings = tuple[tuple[str, tuple[tuple[float, int], ...]], ...]
@@ -131,6 +131,12 @@ def hull_set(hulls: Sequence[tuple]) -> ConvexSet:
     vertices, radius, center, bound, edges = zip(*hulls, strict=True)
     start = np.cumsum([0, *map(len, vertices)], dtype=np.int64)
     return ConvexSet(np.concatenate(vertices), start, np.array(radius), np.array(center), np.array(bound), edges)
+
+
+def robot_set(robot: Robot, q: np.ndarray, opening: float) -> ConvexSet:
+    """The links of a robot that stands at q (n,), in the world."""
+    hulls = posed_links(robot, q, opening)
+    return hull_set([(vertices, radius, *sphere, edges) for _, vertices, radius, sphere, edges in hulls])
 
 
 def _add_arm(model: CollisionModel, chain: KinematicModel, name: str) -> ArmShapes:

@@ -13,9 +13,9 @@ import numpy as np
 
 from hmap_core.exceptions import InputError
 from hmap_core.kinematics.arm import load_arm
+from hmap_core.komo.shapes import box_round
 from hmap_core.planner.interfaces import Backend, HeldPath
-from hmap_core.transforms import multiply, pose
-from hmap_core.types import Body, ContactPoint, Goal, Robot, Scene, SceneState, Shape, ShapeKind
+from hmap_core.types import Body, ContactPoint, Goal, Robot, Scene, SceneState
 from hmap_core.waypoints import NoObjectPath
 
 CHECKS = 2000  # motions for one of them, unless told; those that are found take some hundred
@@ -23,11 +23,8 @@ CHECKS = 2000  # motions for one of them, unless told; those that are found take
 
 def with_hand(body: Body, robot: Robot, contact: ContactPoint) -> Body:
     """A body and what hangs on the last joint of the robot in contact with it, as one: every link a box round it."""
-    shapes = []
-    for points, radius in load_arm(robot.model).hand(contact.opening):
-        lower, upper = points.min(axis=0) - radius, points.max(axis=0) + radius
-        T = multiply(contact.T_obj_ee, pose(0.5 * (lower + upper)))
-        shapes.append(Shape(ShapeKind.BOX, tuple(upper - lower), T))
+    hulls = load_arm(robot.model).hand(contact.opening)
+    shapes = [box_round(points, radius, contact.T_obj_ee) for points, radius in hulls]
     return replace(body, shapes=(*body.shapes, *shapes))
 
 

@@ -7,7 +7,7 @@ from itertools import chain
 
 import numpy as np
 
-from hmap_core.collision.convex import set_distance
+from hmap_core.collision.convex import convex_set, set_distance
 from hmap_core.contacts.access import accessible
 from hmap_core.contacts.camera import Cloud, visible_points
 from hmap_core.contacts.candidates import Situation
@@ -20,24 +20,13 @@ from hmap_core.contacts.solids import solids
 from hmap_core.exceptions import Code, ContactError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.manipulation import Manipulation
-from hmap_core.komo.shapes import body_set
+from hmap_core.komo.shapes import body_set, box_round
 from hmap_core.planner import motion
 from hmap_core.planner.interfaces import Grip, RobotContact, SegmentMotion
 from hmap_core.planner.lifting import lifted
 from hmap_core.planner.tools import holding, spread, tools_of, within_reach
-from hmap_core.transforms import pose, rotation_matrix
-from hmap_core.types import (
-    Body,
-    BodyKind,
-    ContactPoint,
-    Goal,
-    RobotModel,
-    Scene,
-    SceneState,
-    Shape,
-    ShapeKind,
-    TaskMode,
-)
+from hmap_core.transforms import IDENTITY, rotation_matrix
+from hmap_core.types import Body, BodyKind, ContactPoint, Goal, Scene, SceneState, TaskMode
 from hmap_core.waypoints import DEFAULT_MARGIN, NoObjectPath, ObjectPath, ObjectPathProblem, plan_waypoints, standing
 from hmap_core.waypoints.checker import Geometry, ObjectChecker
 
@@ -70,14 +59,14 @@ def bases(scene: Scene, object: str, ends: Sequence[np.ndarray]) -> tuple[Body, 
 
     A base is a box round each of its links, but for those in which the object would be at an end.
     """
-    own = body_set(scene.bodies[object])
-    boxes = ((name, shape, robot.base_pose) for name, robot in scene.robots.items() for shape in _base(robot.model))
-    found: dict[str, Body] = {}
-    for name, shape, T in boxes:
-        box = Body(name, BodyKind.FIXED, (shape,), T)
-        if all(set_distance(own, end, body_set(box), T, 0.0) >= 0.0 for end in ends):
-            found[name] = replace(box, shapes=(*(found[name].shapes if name in found else ()), shape))
-    return tuple(found.values())
+    own, found = body_set(scene.bodies[object]), []
+    for name, robot in scene.robots.items():
+        T, hulls = robot.base_pose, [hull for hull in load_arm(robot.model).hulls if hull.frame == 0]
+        boxes = [box_round(hull.vertices, hull.radius, IDENTITY) for hull in hulls]
+        apart = tuple(b for b in boxes if all(set_distance(own, end, convex_set((b,)), T, 0.0) >= 0.0 for end in ends))
+        if apart:
+            found.append(Body(name, BodyKind.FIXED, apart, T))
+    return tuple(found)
 
 
 def _passes(problem: ObjectPathProblem, bodies: tuple[Body, ...], poses: np.ndarray) -> bool:
@@ -85,13 +74,6 @@ def _passes(problem: ObjectPathProblem, bodies: tuple[Body, ...], poses: np.ndar
     alone = replace(problem, obstacles=bodies, removable=frozenset())
     checker = ObjectChecker(alone, Geometry(alone), False, 0.0)
     return all(checker.motion_free(a, b) for a, b in zip(poses[:-1], poses[1:], strict=True))
-
-
-def _base(model: RobotModel) -> tuple[Shape, ...]:
-    """A box round each link of an arm that does not move, in the frame of its base."""
-    hulls = [hull for hull in load_arm(model).hulls if hull.frame == 0]
-    bounds = [(hull.vertices.min(axis=0) - hull.radius, hull.vertices.max(axis=0) + hull.radius) for hull in hulls]
-    return tuple(Shape(ShapeKind.BOX, tuple(high - low), pose(0.5 * (low + high))) for low, high in bounds)
 
 
 def away_from_home(scene: Scene, state: SceneState, robot: str) -> tuple[str, ...]:

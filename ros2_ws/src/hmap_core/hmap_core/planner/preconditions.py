@@ -1,14 +1,12 @@
 """What no search could mend: asked before anything is planned, so that it is told at once and by name."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from hmap_core.collision.convex import ConvexSet, set_distance
 from hmap_core.exceptions import Code, ContactError, InputError
 from hmap_core.kinematics.arm import load_arm
-from hmap_core.komo.shapes import body_set, posed_links
-from hmap_core.komo.surroundings import hull_set
+from hmap_core.komo.shapes import body_set
+from hmap_core.komo.surroundings import robot_set
 from hmap_core.planner.motion import standing_collision
 from hmap_core.planner.tools import extent
 from hmap_core.transforms import IDENTITY, apply
@@ -59,7 +57,8 @@ def check_bodies(scene: Scene, goal: Goal) -> None:
         InputError: START_IN_COLLISION, one that may move is in another body or in a robot; INVALID_SCENE, one hangs in
             the air in a physical task; INVALID_POSE, the goal does.
     """
-    robots = dict(_robots(scene))
+    state = scene.start_state()
+    robots = {name: robot_set(robot, state.q[name], state.gripper[name]) for name, robot in scene.robots.items()}
     for name, body in scene.bodies.items():
         if body.kind == BodyKind.FIXED:
             continue
@@ -86,16 +85,11 @@ def _check_hanging(near: list[tuple[float, str]], what: str, allowed: float, cod
         raise InputError(f"{what}: {nearest}; at most {1e3 * allowed:g} mm is allowed in a physical task", code)
 
 
-def _robots(scene: Scene) -> Iterator[tuple[str, ConvexSet]]:
-    """The links of each robot as the scene starts, in the world."""
-    state = scene.start_state()
-    for name, robot in scene.robots.items():
-        hulls = posed_links(robot, state.q[name], state.gripper[name])
-        yield name, hull_set([(vertices, radius, *sphere, edges) for _, vertices, radius, sphere, edges in hulls])
-
-
 def _distances(scene: Scene, robots: dict[str, ConvexSet], name: str, T: np.ndarray) -> list[tuple[float, str]]:
-    """How far (m) a body at T (7,) is from each other body and robot, and their names for people, the nearest first."""
+    """How far (m) a body at T (7,) is from each other body and robot, and their names for people, the nearest first.
+
+    ``robots`` are their links in the world.
+    """
     own = body_set(scene.bodies[name])
     bodies = [(body_set(body), body.pose, f"'{other}'") for other, body in scene.bodies.items() if other != name]
     around = bodies + [(links, IDENTITY, f"robot '{robot}'") for robot, links in robots.items()]
@@ -110,19 +104,16 @@ def check_reach(scene: Scene, state: SceneState, goal: Goal) -> None:
     own = extent(scene, goal.object)
     tools = [extent(scene, n) for n, b in scene.bodies.items() if b.kind == BodyKind.TOOL and n != goal.object]
     for what, T in (("start", state.poses[goal.object]), ("goal", goal.pose)):
-        short = {}
+        far, reach = {}, {}
         for name, robot in scene.robots.items():
             arm = load_arm(robot.model)
-            distance = float(np.linalg.norm(T[:3] - apply(robot.base_pose, arm.p_joint[0])))
-            reach = arm.length + 2.0 * max(tools, default=0.0)
-            short[name] = distance - own - reach, distance, reach
-        if all(missing > 0.0 for missing, *_ in short.values()):
+            far[name] = float(np.linalg.norm(T[:3] - apply(robot.base_pose, arm.p_joint[0])))
+            reach[name] = arm.length + 2.0 * max(tools, default=0.0)
+        if all(far[name] - own > reach[name] for name in far):
             place = ", ".join(f"{v:.3f}" for v in T[:3])
-            arms = ", ".join(
-                f"'{n}' is {far:.2f} m away and reaches {reach:.2f} m" for n, (_, far, reach) in short.items()
-            )
+            arms = ", ".join(f"'{name}' is {far[name]:.2f} m away and reaches {reach[name]:.2f} m" for name in far)
             with_tools = " with the longest tool" if tools else ""
             raise ContactError(
-                f"the {what} of '{goal.object}' at ({place}) is out of reach of {', '.join(short)}{with_tools}: {arms}",
+                f"the {what} of '{goal.object}' at ({place}) is out of reach of {', '.join(far)}{with_tools}: {arms}",
                 Code.OUT_OF_REACH,
             )

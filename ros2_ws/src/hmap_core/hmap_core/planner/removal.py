@@ -8,8 +8,8 @@ from scipy.spatial import ConvexHull, QhullError
 
 from hmap_core.collision.convex import ConvexSet, transformed
 from hmap_core.kinematics.arm import load_arm
-from hmap_core.komo.shapes import body_set, posed_links
-from hmap_core.komo.surroundings import hull_set
+from hmap_core.komo.shapes import body_set
+from hmap_core.komo.surroundings import robot_set
 from hmap_core.planner.local import placed_bodies
 from hmap_core.planner.sweep import Sweep, joined, nearest, placed
 from hmap_core.transforms import IDENTITY, apply, from_rpy, multiply, rotation_matrix
@@ -106,12 +106,7 @@ class _Search:
         self.unit = _halton(SAMPLES, rng)
         self.others = placed(scene, state, [other for other in scene.bodies if other != name])
         self.standing_bodies = placed_bodies(scene, state, name)
-        links = [
-            (vertices, radius, *sphere, edges)
-            for robot, r in scene.robots.items()
-            for _, vertices, radius, sphere, edges in posed_links(r, state.q[robot], state.gripper[robot])
-        ]
-        self.robots = hull_set(links)
+        self.robots = joined([robot_set(r, state.q[robot], state.gripper[robot]) for robot, r in scene.robots.items()])
         arms = [(r, load_arm(r.model)) for r in scene.robots.values()]
         self.shoulders = np.array([apply(r.base_pose, arm.p_joint[0]) for r, arm in arms]).reshape(-1, 3)
         self.reach = np.array([arm.length for _, arm in arms])

@@ -264,8 +264,7 @@ class Repair:
     def _in_a_hand(self, errand: PlannedErrand, state: SceneState, name: str, goal: Goal) -> "list[_Part] | None":
         """In one contact, along a path that is sought for the object and the hand: the old contact's, or others."""
         hands, backend = self._hands(errand, state, name, goal), self._planner.backend
-        request = self._scene, state, goal, hands, self._rng(), self._time_left(), HELD_CHECKS
-        for held in held_paths(backend, *request):
+        for held in held_paths(backend, self._scene, state, goal, hands, self._rng(), self._time_left(), HELD_CHECKS):
             if held.blockers:
                 continue
             request = self._scene, state, name, held.poses, held.robot, [held.contact], self._rng()
