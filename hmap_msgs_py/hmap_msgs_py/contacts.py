@@ -35,7 +35,7 @@ def contact_to_message(
         robot: name of the robot.
         object_name: name of the object.
         reach: index of the farthest object pose to which the contact serves.
-        keyframes: arm postures (reach + 1, n) in rad at the object poses.
+        keyframes: arm configurations (reach + 1, n) in rad at the object poses.
         clear: other robots that have to go home before.
     """
     return ContactCandidate(
@@ -70,7 +70,8 @@ def contact_from_message(message: ContactCandidate) -> dict:
 def feasibility_to_message(
     keyframes: np.ndarray | None, error: ErrorCode | None = None, clear: Sequence[str] = ()
 ) -> ContactFeasibility:
-    """The postures (P, n) in rad that keep a contact at the first P object poses; None, with the reason: infeasible."""
+    """The configurations (P, n) in rad that keep a contact at the first P object poses; None, with the reason:
+    infeasible."""
     if keyframes is None:
         return ContactFeasibility(feasible=False, error=error or ErrorCode(code=ErrorCode.NO_CONTACT, stage="contacts"))
     reach = len(keyframes) - 1
@@ -78,7 +79,7 @@ def feasibility_to_message(
 
 
 def keyframes_from_message(message: ContactCandidate | ContactFeasibility, joints: int) -> np.ndarray:
-    """The arm postures (P, joints) in rad; P is 0 where none are given."""
+    """The arm configurations (P, joints) in rad; P is 0 where none are given."""
     if len(message.keyframes) % joints:
         raise ConversionError(f"keyframes has {len(message.keyframes)} values; it must have rows of {joints}")
     return finite("keyframes", message.keyframes).reshape(-1, joints)

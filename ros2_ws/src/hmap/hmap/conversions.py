@@ -112,7 +112,7 @@ def _in_hands(scene: Scene, q: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """What robots hold -> its pose T_world_body (7,)."""
     poses = {}
     for name, robot in scene.robots.items():
-        held = robot.model.held
+        held = robot.model.attached
         if held is not None:
             T_world_ee = multiply(robot.base_pose, load_arm(robot.model).end_effector(q[name]))
             poses[held.name] = multiply(T_world_ee, held.T_ee_body)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from hmap.conversions import known_robots
-from hmap_core.planner.interfaces import RobotContact, SegmentMotion
+from hmap_core.planner.interfaces import RobotContact, SubTrajectory
 from hmap_core.types import ContactKind, ContactPoint, Scene, Segment, SegmentKind, Trajectory
 from hmap_core.waypoints import ObjectPath
 from hmap_msgs import msg
@@ -28,7 +28,7 @@ def path_from_response(response) -> ObjectPath:
 
 
 def contact_to_message(contact: RobotContact, name: str) -> msg.ContactCandidate:
-    """A feasible contact, with its reach and postures."""
+    """A feasible contact, with its reach and configurations."""
     return contacts.contact_to_message(
         contact.contact, contact.robot, name, int(contact.reach), contact.keyframes, contact.clear
     )
@@ -49,7 +49,7 @@ def contact_from_message(scene: Scene, message: msg.ContactCandidate) -> RobotCo
 def feasible_contact(
     scene: Scene, robot: str, contact: ContactPoint, message: msg.ContactCandidate | msg.ContactFeasibility
 ) -> RobotContact:
-    """A contact with the reach, the postures and the robots to clear that a message names."""
+    """A contact with the reach, the configurations and the robots to clear that a message names."""
     keyframes = contacts.keyframes_from_message(message, len(scene.robots[robot].model.joint_names))
     if len(keyframes) != message.reach + 1:
         raise ConversionError(f"keyframes of {robot!r} has {len(keyframes)} rows; reach is {message.reach}")
@@ -57,18 +57,18 @@ def feasible_contact(
     return RobotContact(robot, contact, int(message.reach), keyframes, clear)
 
 
-def motion_to_response(scene: Scene, motion: SegmentMotion, response) -> None:
+def motion_to_response(scene: Scene, motion: SubTrajectory, response) -> None:
     """Fill a SolveSegment response."""
     names = {name: robot.model.joint_names for name, robot in scene.robots.items()}
     response.trajectory = plans.trajectory_to_message(motion.trajectory, names)
     response.segments = [plans.segment_to_message(segment) for segment in motion.segments]
 
 
-def motion_from_response(scene: Scene, response) -> SegmentMotion:
+def motion_from_response(scene: Scene, response) -> SubTrajectory:
     """What :func:`motion_to_response` wrote."""
     names = {name: robot.model.joint_names for name, robot in scene.robots.items()}
     trajectory = Trajectory(**plans.trajectory_from_message(response.trajectory, names))
-    return SegmentMotion(trajectory, tuple(_segment(message) for message in response.segments))
+    return SubTrajectory(trajectory, tuple(_segment(message) for message in response.segments))
 
 
 def _segment(message: msg.Segment) -> Segment:

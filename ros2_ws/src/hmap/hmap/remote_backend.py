@@ -19,7 +19,7 @@ from hmap.requests import Caller
 from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import WaypointError
 from hmap_core.planner import LocalBackend
-from hmap_core.planner.interfaces import RobotContact, SegmentMotion
+from hmap_core.planner.interfaces import RobotContact, SubTrajectory
 from hmap_core.types import ContactPoint, Goal, Scene, SceneState
 from hmap_core.waypoints import NoObjectPath, ObjectPath
 from hmap_msgs.srv import CheckContacts, PlanWaypoints, ProposeContacts, SolveSegment
@@ -113,7 +113,7 @@ class RosBackend(LocalBackend):
         object_poses: np.ndarray,
         seed: int,
         time_limit: float,
-    ) -> SegmentMotion:
+    ) -> SubTrajectory:
         request = SolveSegment.Request(
             object=object,
             robot=contact.robot,

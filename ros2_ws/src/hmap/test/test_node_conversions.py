@@ -10,7 +10,7 @@ from hmap import conversions as convert
 from hmap import phase_conversions as phases
 from hmap_core import plan_file, transforms
 from hmap_core.exceptions import Code, HmapError
-from hmap_core.planner.interfaces import RobotContact, SegmentMotion
+from hmap_core.planner.interfaces import RobotContact, SubTrajectory
 from hmap_core.scenes import load_scene
 from hmap_core.types import ContactKind, ContactPoint, Plan, Segment, SegmentKind, Trajectory
 from hmap_core.waypoints import ObjectPath
@@ -149,7 +149,7 @@ def test_contact_without_its_postures_is_refused(scene, contact):
 
 
 def test_motion(scene, trajectory):
-    motion, response = SegmentMotion(trajectory, segments()), SolveSegment.Response()
+    motion, response = SubTrajectory(trajectory, segments()), SolveSegment.Response()
     phases.motion_to_response(scene, motion, response)
     assert equal(phases.motion_from_response(scene, response), motion)
 

@@ -17,7 +17,7 @@ from hmap_core.contacts.feasibility import MAX_SOLVED
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import LocalBackend, plan
-from hmap_core.planner.motion import scene_holding
+from hmap_core.planner.motion import attach_body
 from hmap_core.scenes import load_scene
 from hmap_core.transforms import multiply, pose
 from hmap_core.types import BodyKind, ContactKind, ContactPoint
@@ -141,7 +141,7 @@ def test_what_a_robot_holds_is_where_its_hand_is():
     tool = next(name for name, body in scene.bodies.items() if body.kind is BodyKind.TOOL)
     T_tool_ee = pose((0.0, 0.0, 0.1), (1.0, 0.0, 0.0, 0.0))
     grip = ContactPoint(ContactKind.GRASP, T_tool_ee, np.zeros(3), np.eye(3)[1], 0.02, np.eye(3)[2])
-    holding = scene_holding(scene, robot, tool, grip, state.poses[tool])
+    holding = attach_body(scene, robot, tool, grip, state.poses[tool])
     arrived = state_from_message(holding, state_to_message(holding, state))
     placed = scene.robots[robot]
     T_world_ee = multiply(placed.base_pose, load_arm(placed.model).end_effector(state.q[robot]))

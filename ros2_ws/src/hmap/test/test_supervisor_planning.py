@@ -21,8 +21,8 @@ def supervisor(answers, moves: list[bool]):
             raise answer
         return answer
 
-    observer = SimpleNamespace(changed=lambda: 0.0)
-    node = SimpleNamespace(_observer=observer, _plan_once=plan_once, _move_on=lambda *_: moves.pop(0))
+    scene_monitor = SimpleNamespace(changed=lambda: 0.0)
+    node = SimpleNamespace(_scene_monitor=scene_monitor, _plan_once=plan_once, _move_on=lambda *_: moves.pop(0))
     return node, asked
 
 

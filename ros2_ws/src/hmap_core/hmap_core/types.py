@@ -141,7 +141,7 @@ class Gripper:
 
 
 @dataclass(frozen=True)
-class HeldBody:
+class AttachedBody:
     """A body that a robot holds and works with, as if it were part of the hand.
 
     Attributes:
@@ -181,7 +181,7 @@ class RobotModel:
     gripper: Gripper | None
     ignored_collisions: tuple[tuple[str, str], ...]  # pairs of link names
     simulation: dict = field(default_factory=dict)  # gains and forces for the simulated controller
-    held: HeldBody | None = None  # what the hand holds to work with; it then cannot grip
+    attached: AttachedBody | None = None  # what the hand holds to work with; it then cannot grip
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ def sets() -> list[float]:
         found.append(set_distance(A, T_a, B, T_b))
         a, b = transformed(A, T_a), transformed(B, T_b)
         arrays = [(s.vertices, s.start, s.radius, s.center, s.bound, np.eye(3), np.zeros(3)) for s in (a, b)]
-        found += [float(sets_closer(*arrays[0], *arrays[1], margin)) for margin in (0.0, 0.3)]
+        found += [float(sets_closer(*arrays[0], *arrays[1], min_distance)) for min_distance in (0.0, 0.3)]
     vertices, radius = simplify_hull(_round(40)[0], 0.01)
     return [*found, len(vertices), radius]
 
@@ -194,14 +194,14 @@ def ik() -> list[float]:
 
 
 def violations() -> list[float]:
-    """Of a path that runs through things, and the margins that a start has."""
+    """Of a path that runs through things, and the minimum distances that a start has."""
     world = model("panda")
     problem = KomoProblem(world.chain, (3,), _scene(world))
     rng = np.random.default_rng(7)
     path = HOME + np.cumsum(0.1 * rng.normal(size=(4, 7)), axis=0)
     violation, pair = path_violations(path, np.ones(4, np.int64), world.chain, problem.arrays(), -0.05)
     eased = relaxed(world.chain, problem.arrays(), path[2], 1)
-    return [*violation, *pair, *eased.margin]
+    return [*violation, *pair, *eased.min_distance]
 
 
 CASES = (distances, sets, feature_values, derivatives, path, from_nothing, impossible, ik, violations)

@@ -89,11 +89,11 @@ def test_target_some_steps_before_the_end():
 
 
 def test_a_thin_wall_between_two_steps():
-    """At the two steps beside it, posture by posture, nothing is wrong."""
+    """At the two steps beside it, configuration by configuration, nothing is wrong."""
     task = instance(wall(1.5 * SWING[0] / STEPS))
     path = swing(task)
-    posture = replace(task, targets=(), steps_per_phase=(1,), path=False)
-    assert all(judge(posture, np.array([task.start, row])) == [] for row in path[1:3])
+    configuration = replace(task, targets=(), steps_per_phase=(1,), path=False)
+    assert all(judge(configuration, np.array([task.start, row])) == [] for row in path[1:3])
     assert any("wall" in text and "overlap" in text for text in judge(task, path))
 
 
@@ -123,7 +123,7 @@ def test_leaving_the_support():
 
 
 def test_a_posture_is_judged_alone():
-    """The way there is no matter, the posture is."""
+    """The way there is no matter, the configuration is."""
     task = instance(wall(SWING[0] / 2), path=False)
     task = replace(task, steps_per_phase=(1,))
     ends = swing(task)[[0, -1]]

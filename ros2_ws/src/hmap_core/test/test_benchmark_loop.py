@@ -18,7 +18,7 @@ SAFE = 0.005  # m
 @pytest.fixture(scope="module")
 def solved():
     instance = puck_loop(ALL_FAIL_ON_THE_SHORTEST_WAY)
-    return instance, HMAP.run(instance, HMAP.postures(instance))
+    return instance, HMAP.run(instance, HMAP.configurations(instance))
 
 
 def test_another_object_path_is_tried_where_no_contact_serves(solved):

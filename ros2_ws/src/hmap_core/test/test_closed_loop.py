@@ -11,9 +11,9 @@ from simulation_fixtures import HOME, box, scene
 from hmap_core import planner, transforms
 from hmap_core.evaluation.replanning import replanner
 from hmap_core.exceptions import Code, MotionError
+from hmap_core.execution.attached_tool import AttachedTool
 from hmap_core.execution.closed_loop import execute_closed_loop
 from hmap_core.execution.execute import execute
-from hmap_core.execution.in_hand import ToolInHand
 from hmap_core.execution.stretches import stretches
 from hmap_core.planner.assembly import scene_at
 from hmap_core.types import Goal, Plan, Scene, SceneState, SegmentKind
@@ -63,7 +63,7 @@ class Replanner:
         self.states: list[SceneState] = []
         self.attempts: list[int] = []
 
-    def __call__(self, state: SceneState, attempt: int, tools: tuple[ToolInHand, ...]) -> Plan:
+    def __call__(self, state: SceneState, attempt: int, tools: tuple[AttachedTool, ...]) -> Plan:
         self.states.append(state)
         self.attempts.append(attempt)
         if attempt <= self.fail:
@@ -114,7 +114,8 @@ def test_a_drift_between_two_contacts_is_planned_anew_and_solved(regrasped):
     assert 0.0 < replanned.time < report.last.duration and len(report.plans) == 2
     (state,) = replan.states
     assert state.poses["box"][:3] == pytest.approx(HALF_WAY + [0.015, -0.005, 0], abs=1e-3)
-    assert state.poses["box"][2] == START[2] and state.gripper["left"] == 0.08
+    assert state.poses["box"][2] in regrasped.trajectory.objects["box"][:, 2]  # as planned, to the last digit
+    assert state.gripper["left"] == 0.08
     assert told[-1][1] == report.plans[1].trajectory.time[-1]
 
 

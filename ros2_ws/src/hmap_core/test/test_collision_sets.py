@@ -28,10 +28,10 @@ def each_pair(A, T_a, B, T_b):
     ]
 
 
-def closer(A, T_a, B, T_b, margin):
+def closer(A, T_a, B, T_b, min_distance):
     return sets_closer(
         A.vertices, A.start, A.radius, A.center, A.bound, rotation_matrix(T_a), T_a[:3],
-        B.vertices, B.start, B.radius, B.center, B.bound, rotation_matrix(T_b), T_b[:3], margin,
+        B.vertices, B.start, B.radius, B.center, B.bound, rotation_matrix(T_b), T_b[:3], min_distance,
     )  # fmt: skip
 
 
@@ -45,9 +45,9 @@ def test_a_set_is_as_far_as_its_nearest_shape():
         assert set_distance(A, T_a, B, T_b) == pytest.approx(nearest, abs=2e-6)
         assert set_distance(A, T_a, B, T_b, nearest + 0.01) == pytest.approx(nearest, abs=2e-6)
         assert set_distance(A, T_a, B, T_b, nearest - 0.01) > nearest - 0.01
-        for margin in (0.0, 0.05, nearest + 1e-5, nearest - 1e-5):
-            answers.append(closer(A, T_a, B, T_b, margin))
-            assert answers[-1] == (nearest < margin)
+        for min_distance in (0.0, 0.05, nearest + 1e-5, nearest - 1e-5):
+            answers.append(closer(A, T_a, B, T_b, min_distance))
+            assert answers[-1] == (nearest < min_distance)
     assert {True, False} == set(answers)
 
 
@@ -144,5 +144,5 @@ def test_pairs_carry_names_margins_and_phases():
     other.keep_apart([a], b, 0.0)
     cols = scene.arrays()
     assert scene.pair_name(0) == ("robot/link", "wall")
-    assert (cols.margin.tolist(), cols.phases.tolist(), cols.frame.tolist()) == ([0.004], [0b101], [1, 0])
+    assert (cols.min_distance.tolist(), cols.phases.tolist(), cols.frame.tolist()) == ([0.004], [0b101], [1, 0])
     assert len(other.pairs) == 2

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hmap_core import transforms
-from hmap_core.contacts.estimate import MARGIN, MIN_POINTS, estimate_body, follow_body
+from hmap_core.contacts.estimate import MIN_DISTANCE, MIN_POINTS, estimate_body, follow_body
 from hmap_core.types import ShapeKind
 
 NOISE = 0.0005  # m
@@ -32,7 +32,7 @@ def test_half_a_sphere_is_a_sphere(radius):
     center = np.array([0.4, -0.2, 0.3])
     body = estimate_body("ball", cap(center, radius, np.random.default_rng(0)))
     assert body.shapes[0].kind is ShapeKind.SPHERE
-    assert body.shapes[0].size[0] == pytest.approx(radius + MARGIN, abs=0.001)
+    assert body.shapes[0].size[0] == pytest.approx(radius + MIN_DISTANCE, abs=0.001)
     assert np.linalg.norm(body.pose[:3] - center) < 0.001
 
 
@@ -44,8 +44,10 @@ def test_a_turned_box_is_a_box_down_to_the_floor():
     (shape,) = body.shapes
     assert shape.kind is ShapeKind.BOX
     bottom, top = body.pose[2] - 0.5 * shape.size[2], body.pose[2] + 0.5 * shape.size[2]
-    assert bottom == pytest.approx(0.05 - MARGIN, abs=0.002) and top == pytest.approx(0.16 + MARGIN, abs=0.002)
-    assert sorted(shape.size[:2]) == pytest.approx(np.array([0.05, 0.10]) + 2 * MARGIN, abs=0.004)
+    assert bottom == pytest.approx(0.05 - MIN_DISTANCE, abs=0.002) and top == pytest.approx(
+        0.16 + MIN_DISTANCE, abs=0.002
+    )
+    assert sorted(shape.size[:2]) == pytest.approx(np.array([0.05, 0.10]) + 2 * MIN_DISTANCE, abs=0.004)
     inside = np.abs(transforms.apply(transforms.inverse(body.pose), points)) <= 0.5 * np.array(shape.size)
     assert inside.all(axis=1).mean() > 0.97
 

@@ -15,12 +15,12 @@ from hmap_core.contacts.sampler import sample_contacts
 from hmap_core.contacts.solids import solids
 from hmap_core.contacts.surface import sample_surface
 from hmap_core.transforms import IDENTITY, apply, from_rpy, interpolate, inverse, multiply, pose, rotation_matrix
-from hmap_core.types import BodyKind, ContactKind, ContactPoint, HeldBody, Shape, ShapeKind, TaskMode
+from hmap_core.types import AttachedBody, BodyKind, ContactKind, ContactPoint, Shape, ShapeKind, TaskMode
 
 BRICK = box("brick", (0.10, 0.06, 0.06), (0, 0, 0), kind=BodyKind.MOVABLE, mass=0.3, friction=0.5)
 STICK = Shape(ShapeKind.BOX, (0.40, 0.04, 0.04))
 T_HOLD = from_rpy((0.12, 0.0, 0.0), (np.pi, 0.0, 0.0))  # of the hand, from above, in the stick's frame
-HELD = HeldBody("stick", (STICK,), inverse(T_HOLD), 0.04, 0.5, np.array([0.0, 0.0, 1.0]))
+HELD = AttachedBody("stick", (STICK,), inverse(T_HOLD), 0.04, 0.5, np.array([0.0, 0.0, 1.0]))
 CORNERS = np.array([[x, y, z] for x in (-0.2, 0.2) for y in (-0.02, 0.02) for z in (-0.02, 0.02)])
 HOLDING = Hand(apply(inverse(T_HOLD), CORNERS), None, HELD)
 T_BRICK = pose((0.5, 0.1, 0.03), yaw(0.3))

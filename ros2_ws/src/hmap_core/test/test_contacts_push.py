@@ -15,12 +15,12 @@ from hmap_core.contacts.push_path import sides
 from hmap_core.contacts.sampler import sample_contacts
 from hmap_core.contacts.surface import sample_surface
 from hmap_core.transforms import apply, from_rpy, inverse, multiply, pose
-from hmap_core.types import Body, BodyKind, ContactKind, ContactPoint, HeldBody, Shape, ShapeKind, TaskMode
+from hmap_core.types import AttachedBody, Body, BodyKind, ContactKind, ContactPoint, Shape, ShapeKind, TaskMode
 
 CRATE = box("crate", (0.10, 0.06, 0.06), (0, 0, 0), kind=BodyKind.MOVABLE, mass=0.3, friction=0.5)
 STICK = Shape(ShapeKind.BOX, (0.40, 0.06, 0.06))
 T_HOLD = from_rpy((0.12, 0.0, 0.0), (np.pi, 0.0, 0.0))  # of the hand, from above, in the stick's frame
-HELD = HeldBody("stick", (STICK,), inverse(T_HOLD), 0.06, 0.5, np.array([0.0, 0.0, 1.0]))
+HELD = AttachedBody("stick", (STICK,), inverse(T_HOLD), 0.06, 0.5, np.array([0.0, 0.0, 1.0]))
 CORNERS = np.array([[x, y, z] for x in (-0.2, 0.2) for y in (-0.03, 0.03) for z in (-0.03, 0.03)])
 HOLDING = Hand(apply(inverse(T_HOLD), CORNERS), None, HELD)
 T_CRATE = pose((0.5, 0.1, 0.03), yaw(0.3))

@@ -88,7 +88,7 @@ def test_what_is_beyond_a_limit_is_brought_back(world):
 def test_fixed_bodies_are_where_the_scene_has_them_and_strangers_do_not_count(world):
     measured = world.start_state()
     measured.poses["wall"] = measured.poses["wall"] + np.r_[1e-5, np.zeros(6)]
-    measured.poses["stranger"] = pose()
+    measured.poses["detected object"] = pose()
     clean = without_noise(world, measured, world.start_state())
     np.testing.assert_array_equal(clean.poses["wall"], world.bodies["wall"].pose)
     assert clean.poses.keys() == world.bodies.keys()

@@ -18,7 +18,7 @@ from hmap_core.contacts.feasibility import (
 from hmap_core.komo.manipulation import GRASP_RETREAT, Manipulation, Phase, bit, free_opening, retreated
 from hmap_core.komo.shapes import body_set
 from hmap_core.komo.solver import path_violations
-from hmap_core.planner.local import LocalBackend, worth
+from hmap_core.planner.local import LocalBackend, contact_score
 from hmap_core.transforms import apply, distance, from_matrix, interpolate, inverse, multiply, pose
 from hmap_core.types import ContactKind, ContactPoint
 
@@ -63,7 +63,7 @@ def anywhere(poses):
 
 
 def least_clear(task, cols, path, phase):
-    """Worst violation (m) of the margins of a phase at configurations."""
+    """Worst violation (m) of the minimum distances of a phase at configurations."""
     masks = np.full(len(path), bit(phase), np.int64)
     return path_violations(np.ascontiguousarray(path), masks, task.model.chain, cols, -0.05)[0].max()
 
@@ -224,7 +224,7 @@ def test_the_backend_hands_out_the_worthiest_first(scene):
     backend, state = LocalBackend(), scene.start_state()
     found = backend.propose_contacts(scene, state, "brick", line(scene), ("arm",), None, 10, 3)
     assert found
-    values = [worth(scene, c) for c in found]
+    values = [contact_score(scene, c) for c in found]
     assert values == sorted(values, reverse=True)
     again = backend.propose_contacts(scene, state, "brick", line(scene), ("arm",), None, 10, 3)
     assert [c.reach for c in found] == [c.reach for c in again]

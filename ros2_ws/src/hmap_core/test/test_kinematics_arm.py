@@ -142,7 +142,7 @@ def test_self_pairs_leave_out_what_is_ignored(name):
     ignored = {frozenset(pair) for pair in robot.model.ignored_collisions}
     pairs = {frozenset((robot.hulls[i].link, robot.hulls[j].link)) for i, j in robot.self_pairs}
     assert pairs and not pairs & ignored
-    # the home posture is free
+    # the home configuration is free
     R, p = robot.frames(robot.model.home)
     witness = np.zeros((3, 3))
     for i, j in robot.self_pairs:
@@ -172,8 +172,8 @@ def test_frames_of_a_model_are_the_product_of_its_transforms(names):
 @pytest.mark.parametrize("name", ARMS)
 def test_no_posture_reaches_beyond_the_span_and_some_come_near_it(name):
     robot = arm(name)
-    postures = np.random.default_rng(6).uniform(*robot.model.position_limits, (4000, robot.n))
-    reached = max(np.linalg.norm(robot.frames(q)[1][-1] - robot.p_joint[0]) for q in postures)
+    configurations = np.random.default_rng(6).uniform(*robot.model.position_limits, (4000, robot.n))
+    reached = max(np.linalg.norm(robot.frames(q)[1][-1] - robot.p_joint[0]) for q in configurations)
     assert reached <= robot.span <= 1.03 * reached
 
 

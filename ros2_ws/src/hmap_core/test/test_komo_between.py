@@ -52,7 +52,7 @@ def test_arms_among_boxes_and_each_other(seed):
     rng = np.random.default_rng(seed)
     world = model("panda", "iiwa")
     boxes = [(rng.uniform(0.1, 0.3, 3), random_pose(rng, 0.6)) for _ in range(3)]
-    scene = with_links(world, *boxes, margin=0.01, phases=0b01)
+    scene = with_links(world, *boxes, min_distance=0.01, phases=0b01)
     links = [s for s, f in enumerate(scene.frames) if f]
     left, right = ([s for s in links if (scene.frames[s] <= 7) == side] for side in (True, False))
     scene.keep_apart(left[3:], right[3:], 0.005, 0b11)
@@ -93,7 +93,7 @@ def slider() -> Chain:
 
 @pytest.mark.parametrize("inside", [-1e-5, 0.0, 3e-4], ids="{:g} m".format)
 def test_a_contact_that_slides_is_as_deep_as_it_is(inside):
-    """A ball along a table: at its margin all the way, so that every look is as near as the last."""
+    """A ball along a table: at its minimum distance all the way, so that every look is as near as the last."""
     scene = CollisionModel()
     ball = scene.add("ball", np.zeros((1, 3)), 0.01, 1)
     table = scene.add("table", BOX * [4.0, 1.0, 0.1] - [0.0, 0.0, 0.06 - inside], 0.0, 0)

@@ -51,7 +51,7 @@ SQP = {
     "print_time": False,
 }
 LESS = -1e10  # no lower bound
-SPHERE, MARGIN, BALL = (
+SPHERE, MIN_DISTANCE, BALL = (
     0.05,
     0.01,
     0.02,
@@ -196,11 +196,11 @@ def round_a_sphere(both: Both):
     center = (start + goal) / 2 + BESIDE
     ball = convex_set([Shape(ShapeKind.SPHERE, (BALL,), pose(both.in_tip([0.0, 0.0, 0.1])))])
     obstacle = convex_set([Shape(ShapeKind.SPHERE, (SPHERE,), pose(center))])
-    feature = clearance(both.tip, ball, 0, obstacle, MARGIN)
+    feature = clearance(both.tip, ball, 0, obstacle, MIN_DISTANCE)
     both.problem.add(Objective(feature, ObjectiveType.INEQ, range(STEPS)))
     for step in range(STEPS):
         apart = casadi.norm_2(both.point(step, [0.0, 0.0, 0.1]) - casadi.DM(center))
-        both.below(SPHERE + BALL + MARGIN - apart)
+        both.below(SPHERE + BALL + MIN_DISTANCE - apart)
 
 
 def round_a_box(both: Both):
@@ -209,11 +209,11 @@ def round_a_box(both: Both):
     T = pose((start + goal) / 2 + BESIDE, Rotation.from_rotvec([0, 0, 0.5]).as_quat())
     box = transformed(convex_set([Shape(ShapeKind.BOX, tuple(2 * HALF_BOX))]), T)
     ball = convex_set([Shape(ShapeKind.SPHERE, (BALL,), pose(both.in_tip([0.0, 0.0, 0.1])))])
-    both.problem.add(Objective(clearance(both.tip, ball, 0, box, MARGIN), ObjectiveType.INEQ, range(STEPS)))
+    both.problem.add(Objective(clearance(both.tip, ball, 0, box, MIN_DISTANCE), ObjectiveType.INEQ, range(STEPS)))
     for step in range(STEPS):
         local = casadi.DM(rotation_matrix(T)).T @ (both.point(step, [0.0, 0.0, 0.1]) - casadi.DM(T[:3]))
         beyond = casadi.fmax(casadi.fabs(local) - casadi.DM(HALF_BOX), 0.0)
-        both.below(BALL + MARGIN - casadi.sqrt(casadi.sumsqr(beyond) + 1e-16))
+        both.below(BALL + MIN_DISTANCE - casadi.sqrt(casadi.sumsqr(beyond) + 1e-16))
 
 
 def with_limited_rates(both: Both):

@@ -185,8 +185,8 @@ def test_distance_is_the_smallest_over_the_pieces(names):
             expected = set_distance(a, T[0], b, T[1])
             r, J = evaluate(signed(frame, a, reference, b), world.chain, q)
             assert r[0] == pytest.approx(expected, abs=2e-6)
-            margin, slope = evaluate(clearance(frame, a, reference, b, 0.05), world.chain, q)
-            assert margin[0] == pytest.approx(0.05 - r[0])
+            min_distance, slope = evaluate(clearance(frame, a, reference, b, 0.05), world.chain, q)
+            assert min_distance[0] == pytest.approx(0.05 - r[0])
             np.testing.assert_allclose(slope, -J, atol=1e-12)
 
 

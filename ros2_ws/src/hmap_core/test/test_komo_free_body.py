@@ -16,7 +16,7 @@ from hmap_core.types import Shape, ShapeKind
 
 HALF = 0.04  # m: half the side of the cube
 STEPS = 8  # of a phase
-MARGIN = 0.01  # m
+MIN_DISTANCE = 0.01  # m
 CUBE = convex_set([Shape(ShapeKind.BOX, (2 * HALF,) * 3)])
 
 
@@ -32,7 +32,7 @@ def test_an_object_finds_its_way_round_a_wall():
     wall = convex_set([Shape(ShapeKind.BOX, (0.05, 0.2, 0.2), pose((0.5, 0.02, 0.1)))])
     scene = CollisionModel()
     moving = scene.add_set("cube", CUBE, world.tip("cube"))
-    scene.keep_apart(moving, scene.add_set("wall", wall, 0), MARGIN)
+    scene.keep_apart(moving, scene.add_set("wall", wall, 0), MIN_DISTANCE)
     problem = KomoProblem(world.chain, (2 * STEPS,), scene)
     start, goal = (body.coordinates(from_rpy((x, 0.0, HALF), (0, 0, yaw))) for x, yaw in ((0.3, 0.0), (0.7, 0.8)))
     problem.add_objective(features.joint_position(goal), ObjectiveType.EQ, (1.0,))
@@ -40,7 +40,7 @@ def test_an_object_finds_its_way_round_a_wall():
     assert result.feasible, result.worst
     assert np.abs(result.path[-1] - goal).max() < 1e-3
     for q in result.path:
-        assert set_distance(CUBE, body.pose(q), wall, pose()) >= MARGIN - 1e-3
+        assert set_distance(CUBE, body.pose(q), wall, pose()) >= MIN_DISTANCE - 1e-3
 
 
 @pytest.mark.parametrize("freedom", Freedom)

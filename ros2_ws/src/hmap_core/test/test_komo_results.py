@@ -189,21 +189,21 @@ def test_an_objective_that_does_not_fit_is_an_error(change, says):
 
 
 def test_ik_from_one_start_after_the_other():
-    """The first is at home beside the goal's posture, the second in it: who is feasible first is taken."""
+    """The first is at home beside the goal's configuration, the second in it: who is feasible first is taken."""
     world = model("panda")
     name, placed = next(iter(world.arms.items()))
     rng = np.random.default_rng(4)
-    posture = rng.uniform(world.chain.lower + 0.3, world.chain.upper - 0.3)
-    goal = multiply(placed.T_world_base, placed.arm.end_effector(posture))
+    configuration = rng.uniform(world.chain.lower + 0.3, world.chain.upper - 0.3)
+    goal = multiply(placed.T_world_base, placed.arm.end_effector(configuration))
     params = pose_params(world.T_tip_ee(name), goal)
-    starts = np.concatenate([rng.uniform(world.chain.lower, world.chain.upper, (8, world.n)), posture[None]])
+    starts = np.concatenate([rng.uniform(world.chain.lower, world.chain.upper, (8, world.n)), configuration[None]])
     q = solve_ik(ik_problem(world, name), params, starts, home())
     assert q is not None and max(reached(world, name, q, goal)) < 1e-4
-    alone = solve_ik(ik_problem(world, name), params, posture[None])  # stays near itself
-    np.testing.assert_allclose(alone, posture, atol=1e-4)
-    pulled = solve_ik(ik_problem(world, name), params, posture[None], home())
+    alone = solve_ik(ik_problem(world, name), params, configuration[None])  # stays near itself
+    np.testing.assert_allclose(alone, configuration, atol=1e-4)
+    pulled = solve_ik(ik_problem(world, name), params, configuration[None], home())
     assert np.linalg.norm(pulled - home()) < np.linalg.norm(alone - home()) - 1e-3
     away = pose_params(world.T_tip_ee(name), pose((3.0, 0, 0)))
     assert solve_ik(ik_problem(world, name), away, starts, home()) is None
-    blocked = with_links(world, (0.1 * np.ones(3), goal), margin=0.005)
+    blocked = with_links(world, (0.1 * np.ones(3), goal), min_distance=0.005)
     assert solve_ik(ik_problem(world, name, blocked), params, starts, home()) is None

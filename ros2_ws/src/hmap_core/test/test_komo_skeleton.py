@@ -11,7 +11,13 @@ from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.exceptions import InputError
 from hmap_core.komo.clearances import Clearances
 from hmap_core.komo.manipulation import free_opening
-from hmap_core.komo.margins import HELD_CLEARANCE, OBJECT_CLEARANCE, ROBOT_CLEARANCE, SELF_CLEARANCE, TOUCH_ALLOWANCE
+from hmap_core.komo.min_distances import (
+    HELD_CLEARANCE,
+    OBJECT_CLEARANCE,
+    ROBOT_CLEARANCE,
+    SELF_CLEARANCE,
+    TOUCH_ALLOWANCE,
+)
 from hmap_core.komo.skeleton import TO_THE_END, ModeSwitch, Skeleton, SkeletonEntry
 from hmap_core.komo.skeleton_problem import SkeletonProblem
 from hmap_core.komo.workspace import Workspace
@@ -256,7 +262,7 @@ def test_what_is_put_onto_something_is_where_that_is(workspace):
     problem = SkeletonProblem(skeleton, workspace, 4)
     poses = problem.object_poses(np.tile(workspace.start, (16, 1)))
     np.testing.assert_allclose(poses["brick"][-1], multiply(workspace.state.poses["block"], on_top), atol=1e-12)
-    assert margins(problem, "brick", "block") == {
+    assert min_distances(problem, "brick", "block") == {
         1: [-TOUCH_ALLOWANCE], 2: [-TOUCH_ALLOWANCE], 3: [-TOUCH_ALLOWANCE],
     }  # fmt: skip
     meetings = [list(o.steps) for o in problem.objectives if o.feature.name == "relative_pose"]
@@ -305,39 +311,39 @@ def test_an_object_in_the_hand_from_the_start_needs_no_contact(workspace):
 # --- who keeps apart
 
 
-def margins(problem, a: str, b: str) -> dict[int, list[float]]:
-    """Phase -> margins (m) of the pairs of two parts, given by how their names begin."""
+def min_distances(problem, a: str, b: str) -> dict[int, list[float]]:
+    """Phase -> minimum distances (m) of the pairs of two parts, given by how their names begin."""
     found = {}
     model = problem.collisions
-    for i, j, margin, phases in model.pairs:
+    for i, j, min_distance, phases in model.pairs:
         names = model.names[i], model.names[j]
         if any(x.startswith(a) and y.startswith(b) for x, y in (names, names[::-1])):
             for k in range(len(problem.steps_per_phase)):
                 if phases >> k & 1:
-                    found.setdefault(k, set()).add(round(margin, 6))
+                    found.setdefault(k, set()).add(round(min_distance, 6))
     return {k: sorted(v) for k, v in found.items()}
 
 
 def test_clearances_follow_from_the_modes(workspace):
     entries = [*pick_and_place("left", GOAL, grasp()), entry(3, 3, "home", "left")]
     problem = SkeletonProblem(Skeleton(entries), workspace, 4)
-    assert margins(problem, "left/panda_link5", "table") == {k: [ROBOT_CLEARANCE] for k in range(3)}
-    assert margins(problem, "left/panda_link5", "right/panda_link5") == {k: [ROBOT_CLEARANCE] for k in range(3)}
-    assert margins(problem, "left/panda_link5", "left/panda_link0") == {k: [SELF_CLEARANCE] for k in range(3)}
-    assert margins(problem, "left/panda_link4", "brick") == {k: [OBJECT_CLEARANCE] for k in range(3)}
-    assert margins(problem, "left/panda_leftfinger", "brick") == {0: [OBJECT_CLEARANCE], 2: [OBJECT_CLEARANCE]}
+    assert min_distances(problem, "left/panda_link5", "table") == {k: [ROBOT_CLEARANCE] for k in range(3)}
+    assert min_distances(problem, "left/panda_link5", "right/panda_link5") == {k: [ROBOT_CLEARANCE] for k in range(3)}
+    assert min_distances(problem, "left/panda_link5", "left/panda_link0") == {k: [SELF_CLEARANCE] for k in range(3)}
+    assert min_distances(problem, "left/panda_link4", "brick") == {k: [OBJECT_CLEARANCE] for k in range(3)}
+    assert min_distances(problem, "left/panda_leftfinger", "brick") == {0: [OBJECT_CLEARANCE], 2: [OBJECT_CLEARANCE]}
     # it stands on the table where it is taken and where it is put; the block is far from both
-    assert margins(problem, "brick", "table") == {1: [-TOUCH_ALLOWANCE]}
-    assert margins(problem, "brick", "block") == {1: [HELD_CLEARANCE]}
-    assert margins(problem, "brick", "right") == {1: [HELD_CLEARANCE]}
+    assert min_distances(problem, "brick", "table") == {1: [-TOUCH_ALLOWANCE]}
+    assert min_distances(problem, "brick", "block") == {1: [HELD_CLEARANCE]}
+    assert min_distances(problem, "brick", "right") == {1: [HELD_CLEARANCE]}
 
 
 def test_a_touching_hand_may_be_as_near_as_its_contact(workspace):
     pressed = contact(ContactKind.TOUCH, DOWN, (0, -1, 0), (0, 0, 0.04 + TIP), 0.0)
     problem = SkeletonProblem(Skeleton(pick_and_place("left", GOAL, pressed)), workspace, 4)
-    ((margin,),) = margins(problem, "left/panda_leftfinger", "brick").values()
-    assert -TOUCH_ALLOWANCE <= margin < 0.0
-    assert margins(problem, "left/panda_hand", "brick") == {0: [OBJECT_CLEARANCE]}
+    ((min_distance,),) = min_distances(problem, "left/panda_leftfinger", "brick").values()
+    assert -TOUCH_ALLOWANCE <= min_distance < 0.0
+    assert min_distances(problem, "left/panda_hand", "brick") == {0: [OBJECT_CLEARANCE]}
 
 
 def test_a_tool_may_touch_what_it_pushes(tmp_path):
@@ -350,8 +356,8 @@ def test_a_tool_may_touch_what_it_pushes(tmp_path):
     ]
     problem = SkeletonProblem(Skeleton(entries), Workspace(world), 4)
     # apart where they meet; then rigid, as both hang on the hand
-    assert margins(problem, "stick", "box") == {1: [-TOUCH_ALLOWANCE]}
-    assert margins(problem, "arm/panda_hand", "box") == {0: [OBJECT_CLEARANCE], 1: [OBJECT_CLEARANCE]}
+    assert min_distances(problem, "stick", "box") == {1: [-TOUCH_ALLOWANCE]}
+    assert min_distances(problem, "arm/panda_hand", "box") == {0: [OBJECT_CLEARANCE], 1: [OBJECT_CLEARANCE]}
     poses = problem.object_poses(np.tile(problem.workspace.start, (12, 1)))
     assert max(distance(multiply(inverse(poses["box"][-1]), poses["stick"][-1]), pose((0.0, -0.225, -0.02)))) < 1e-9
 
@@ -362,7 +368,7 @@ def test_shapes_may_be_replaced(workspace):
     other = Workspace(workspace.scene, robots=["left"], shapes={"brick": small})
     skeleton = Skeleton(pick_and_place("left", GOAL, grasp()))
     # half as large it hangs in the air where it is taken
-    assert margins(SkeletonProblem(skeleton, other, 4), "brick", "table") == {1: [HELD_CLEARANCE]}
+    assert min_distances(SkeletonProblem(skeleton, other, 4), "brick", "table") == {1: [HELD_CLEARANCE]}
 
 
 def test_fingers_are_open_before_a_grasp_and_after_it(workspace):

@@ -30,7 +30,7 @@ def home(name="panda"):
     return arm(name).model.home
 
 
-def with_links(world, *boxes, margin=0.01, phases=-1, opening=0.0):
+def with_links(world, *boxes, min_distance=0.01, phases=-1, opening=0.0):
     """All links of all arms, which keep away from boxes given as (size (3,), pose (7,))."""
     scene = CollisionModel()
     links = []
@@ -40,7 +40,7 @@ def with_links(world, *boxes, margin=0.01, phases=-1, opening=0.0):
                 frame = world.frame(placed.name, hull.frame)
                 links.append(scene.add(hull.link, hull.at(opening), hull.radius, frame, hull.sphere_at(opening)))
     around = [scene.add(f"box {k}", apply(T, BOX * size), 0.0, 0) for k, (size, T) in enumerate(boxes)]
-    scene.keep_apart(links, around, margin, phases)
+    scene.keep_apart(links, around, min_distance, phases)
     return scene
 
 
@@ -107,7 +107,7 @@ class Lagrangian:
         self.T, self.n = sum(PHASES), world.n
         tip = world.tip(next(iter(world.arms)))
         scene = with_links(world, (0.5 * np.ones(3), random_pose(rng, 0.4)), (0.3 * np.ones(3), random_pose(rng, 0.4)),
-                           margin=0.05)  # fmt: skip
+                           min_distance=0.05)  # fmt: skip
         links = [s for s, f in enumerate(scene.frames) if f]
         ball = scene.add("ball in the hand", np.zeros((1, 3)), 0.15, tip)
         scene.keep_apart(links[:4], [ball], 0.02, 0b10)  # both move
@@ -222,7 +222,7 @@ def test_collisions_between_the_steps_are_seen():
     q0, q1 = np.array([-0.6, 1.2, 0, -0.6, 0, 0.4, 0]), np.array([0.6, 1.2, 0, -0.6, 0, 0.4, 0])
     placed = next(iter(world.arms.values()))
     middle = multiply(placed.T_world_base, placed.arm.end_effector((q0 + q1) / 2))
-    scene = with_links(world, (0.05 * np.ones(3), pose(middle[:3])), margin=0.0)
+    scene = with_links(world, (0.05 * np.ones(3), pose(middle[:3])), min_distance=0.0)
     found = {}
     for substeps in (1, 2):
         problem = KomoProblem(world.chain, (2,), scene, SolverOptions(substeps=substeps))
@@ -285,12 +285,12 @@ def test_ik_keeps_clear_of_a_box_and_says_when_it_cannot():
     world = model("panda")
     name, placed = next(iter(world.arms.items()))
     goal = multiply(placed.T_world_base, placed.arm.end_effector(home()))
-    inside = with_links(world, (0.1 * np.ones(3), goal), margin=0.005)
+    inside = with_links(world, (0.1 * np.ones(3), goal), min_distance=0.005)
     start = np.tile(home(), (5, 1)) + 0.3 * rng.normal(size=(5, 7))
     params = np.tile(pose_params(world.T_tip_ee(name), goal), (5, 1))
     assert not solve_ik_batch(ik_problem(world, name, inside), params, start, start)[1].any()
     elbow = np.array(placed.arm.frames(home())[1][4])
-    beside = with_links(world, (0.05 * np.ones(3), pose(apply(placed.T_world_base, elbow))), margin=0.005)
+    beside = with_links(world, (0.05 * np.ones(3), pose(apply(placed.T_world_base, elbow))), min_distance=0.005)
     q, feasible = solve_ik_batch(ik_problem(world, name, beside), params, start, start)
     assert feasible.any()
     for k in np.flatnonzero(feasible):
@@ -305,7 +305,7 @@ def obstacle_problem(steps=16):
     placed = next(iter(world.arms.values()))
     middle = multiply(placed.T_world_base, placed.arm.end_effector((start + goal) / 2))
     boxes = [(np.array([0.06, 0.06, 0.5]), multiply(placed.T_world_base, pose((0.75, 0.0, middle[2] - 0.45))))]
-    scene = with_links(world, *boxes, margin=0.01)
+    scene = with_links(world, *boxes, min_distance=0.01)
     problem = KomoProblem(world.chain, (steps,), scene)
     problem.add(Objective(joint_position(goal), ObjectiveType.EQ, [steps - 1]))
     initial = start + np.linspace(0, 1, steps + 1)[1:, None] * (goal - start)
@@ -337,7 +337,7 @@ def test_an_obstacle_on_the_way_is_avoided_at_the_steps_and_between():
     path = np.concatenate([start[None], result.path])
     np.testing.assert_allclose(path[-1], goal, atol=1e-4)
     assert (path >= world.chain.lower - 1e-4).all() and (path <= world.chain.upper + 1e-4).all()
-    assert coal_clearance(world, boxes, path) > 0.003  # the margin, less what it may use up between the samples
+    assert coal_clearance(world, boxes, path) > 0.003  # the min_distance, less what it may use up between the samples
 
 
 def test_the_same_problem_gives_the_same_path():
@@ -365,7 +365,7 @@ def test_an_infeasible_path_names_the_pair():
     world, scene, boxes, problem, start, initial, goal = obstacle_problem()
     placed = next(iter(world.arms.values()))
     at_goal = multiply(placed.T_world_base, placed.arm.end_effector(goal))
-    problem.collisions = with_links(world, (0.1 * np.ones(3), at_goal), margin=0.01)
+    problem.collisions = with_links(world, (0.1 * np.ones(3), at_goal), min_distance=0.01)
     result = problem.solve(start, initial)
     assert not result.feasible
     assert "box 0" in result.worst or "joint_position" in result.worst
@@ -382,12 +382,12 @@ def test_a_target_that_is_no_number_is_infeasible():
 
 
 def brute_force(world, cols, path, masks):
-    """Worst margin violation of each configuration, every pair asked exactly."""
+    """Worst minimum distance violation of each configuration, every pair asked exactly."""
     return np.array([pair_violations(world.chain, cols, q, mask).max() for q, mask in zip(path, masks, strict=True)])
 
 
 def pair_violations(chain, cols, q, mask):
-    """Violation (P,) of each pair's margin, -inf for those that the mask leaves out."""
+    """Violation (P,) of each pair's min_distance, -inf for those that the mask leaves out."""
     R, p = frames(chain, q)
     found, witness = np.full(len(cols.a), -np.inf), np.zeros((3, 3))
 
@@ -396,7 +396,7 @@ def pair_violations(chain, cols, q, mask):
         return cols.vertices[cols.start[s] : cols.start[s + 1]], R[f], p[f], cols.radius[s]
 
     for k in np.flatnonzero(cols.phases & mask):
-        found[k] = cols.margin[k] - signed_distance(*shape(cols.a[k]), *shape(cols.b[k]), witness)
+        found[k] = cols.min_distance[k] - signed_distance(*shape(cols.a[k]), *shape(cols.b[k]), witness)
     return found
 
 
@@ -406,7 +406,7 @@ def test_path_violations_are_those_of_brute_force(floor):
     rng = np.random.default_rng(3)
     world = model("panda", "iiwa")
     boxes = [(rng.uniform(0.1, 0.3, 3), random_pose(rng, 0.7)) for _ in range(3)]
-    scene = with_links(world, *boxes, margin=0.02, phases=0b01)
+    scene = with_links(world, *boxes, min_distance=0.02, phases=0b01)
     links = [s for s, f in enumerate(scene.frames) if f]
     left = [s for s in links if scene.frames[s] <= 7]
     scene.keep_apart([s for s in left if scene.frames[s] > 4], [s for s in links if s not in left][2:], 0.01, 0b11)
@@ -429,7 +429,7 @@ def test_stretched_arms_that_sweep_are_not_missed():
     world = KinematicModel([PlacedArm(name, arm("iiwa"), T) for name, T in zip("ab", bases, strict=True)])
     stretched = np.array([0, np.pi / 2, 0, 0, 0, 0, 0])
     tip = world.arms["a"].arm.end_effector(stretched)
-    scene = with_links(world, (0.1 * np.ones(3), tip), margin=0.005, phases=0b01)
+    scene = with_links(world, (0.1 * np.ones(3), tip), min_distance=0.005, phases=0b01)
     links = [s for s, f in enumerate(scene.frames) if f]
     left, right = ([s for s in links if (scene.frames[s] <= 7) == side] for side in (True, False))
     scene.keep_apart(left[-2:], right[-2:], 0.005, 0b10)
@@ -472,20 +472,20 @@ def test_relaxed_lets_a_start_be_where_it_is():
     assert before[0] > 0.0
     easier = relaxed(world.chain, cols, q, 1)
     assert path_violations(q[None], mask, world.chain, easier, 0.0)[1][0] == -1
-    assert (easier.margin <= cols.margin).all()
-    changed = easier.margin < cols.margin
+    assert (easier.min_distance <= cols.min_distance).all()
+    changed = easier.min_distance < cols.min_distance
     assert 0 < changed.sum() < len(changed)
     # by no more than what was missing
-    assert (cols.margin - easier.margin).max() == pytest.approx(before[0] + RELAXATION, abs=1e-6)
-    np.testing.assert_array_equal(relaxed(world.chain, cols, start, 1).margin, cols.margin)
+    assert (cols.min_distance - easier.min_distance).max() == pytest.approx(before[0] + RELAXATION, abs=1e-6)
+    np.testing.assert_array_equal(relaxed(world.chain, cols, start, 1).min_distance, cols.min_distance)
 
 
 def test_verification_uses_up_most_of_a_margin_and_never_half_a_millimetre_less():
     scene = CollisionModel()
     shape = scene.add("a", np.zeros((1, 3)), 0.1, 0)
-    for margin in (0.003, 0.0003, 0.0, -0.0003):
-        scene.keep_apart([shape], [shape], margin)
-    np.testing.assert_allclose(verification(scene.arrays()).margin, [0.001, -0.0002, -0.0005, -0.0008])
+    for min_distance in (0.003, 0.0003, 0.0, -0.0003):
+        scene.keep_apart([shape], [shape], min_distance)
+    np.testing.assert_allclose(verification(scene.arrays()).min_distance, [0.001, -0.0002, -0.0005, -0.0008])
 
 
 def test_following_stops_at_a_jump_and_at_what_cannot_be_reached():

@@ -9,10 +9,10 @@ import pytest
 from planner_fixtures import carry
 
 from hmap_core.exceptions import Code, ContactError, HmapError, InputError, MotionError, PlannerError, WaypointError
-from hmap_core.planner import J_MAX, Planner, RobotContact, SegmentMotion, plan
+from hmap_core.planner import J_MAX, Planner, RobotContact, SubTrajectory, plan
 from hmap_core.planner.algorithm import WAYPOINT_ROUNDS
 from hmap_core.planner.assembly import assemble, state_after
-from hmap_core.planner.clearing import Course, Errand
+from hmap_core.planner.obstacle_removal import SolutionSequence, Subgoal
 from hmap_core.transforms import interpolate, pose
 from hmap_core.types import ContactKind, ContactPoint, Goal, Segment, SegmentKind, Trajectory
 from hmap_core.waypoints import NoObjectPath
@@ -30,7 +30,7 @@ class Script:
         self.poses: list[np.ndarray] = []
         self.seeds: list[int] = []
 
-    grips = take = put_down = None  # there are no tools
+    tool_grasps = pick_tool = place_tool = None  # there are no tools
 
     def plan_waypoints(self, scene, state, object, goal, seed, time_limit, checks):
         self.calls.append("waypoints")
@@ -67,7 +67,7 @@ class Script:
             {object: object_poses},
         )  # fmt: skip
         segment = Segment(0.0, 0.02 * (count - 1), "arm", "panda_hand", object, SegmentKind.GRASP, pose())
-        return SegmentMotion(trajectory, (segment,))
+        return SubTrajectory(trajectory, (segment,))
 
 
 @pytest.fixture
@@ -129,7 +129,7 @@ def test_without_contacts_the_reach_of_the_goal_is_asked(scene):
 def test_so_it_is_for_what_could_be_put_aside(scene):
     planner = Planner(replace(scene, removable={"brick": None}), backend=Script(no_contact=True))
     with pytest.raises(ContactError) as error:
-        planner.bring(Errand(scene.goal), Course(planner.start))
+        planner.bring(Subgoal(scene.goal), SolutionSequence(planner.start))
     assert error.value.code == Code.OUT_OF_REACH
 
 

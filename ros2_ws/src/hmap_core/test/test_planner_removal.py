@@ -9,7 +9,7 @@ from obstacle_fixtures import corridor, crowded, eight, gap, heavy_slab, side_do
 from hmap_core.exceptions import Code, PlannerError
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import Planner, plan
-from hmap_core.planner.clearing import Clearing, Course, Errand, RemovalError
+from hmap_core.planner.obstacle_removal import ObstacleRemoval, RemovalError, SolutionSequence, Subgoal
 from hmap_core.types import Goal
 from hmap_core.validation import check
 
@@ -80,7 +80,7 @@ def test_of_eight_boxes_only_the_two_in_the_way_go(tmp_path):
     made = planner.plan()
     assert_valid(made, removed=2)
     assert set(moved(made)) == {"box_0", "box_1", "brick"}
-    assert planner.clearing.begun == 2
+    assert planner.obstacle_removal.begun == 2
 
 
 def test_an_obstacle_that_cannot_be_moved_is_named(tmp_path):
@@ -114,61 +114,63 @@ class Scripted:
         self.rng = np.random.default_rng(0)
         self.asked: list[str] = []
 
-    def bring(self, errand, course):
-        name = errand.goal.object
+    def bring(self, subgoal, solution):
+        name = subgoal.goal.object
         self.asked.append(name)
-        left = self.bars.get(name, set()) - set(course.aside)
+        left = self.bars.get(name, set()) - set(solution.aside)
         if left:
             raise PlannerError(f"'{name}' is stuck behind {', '.join(sorted(left))}", Code.NO_MOTION)
-        state = course.state.copy()
-        state.poses[name] = errand.goal.pose
-        return replace(course, state=state)
+        state = solution.state.copy()
+        state.poses[name] = subgoal.goal.pose
+        return replace(solution, state=state)
 
 
-def cleared(scene, bars) -> tuple[Course, Scripted, Clearing]:
+def cleared(scene, bars) -> tuple[SolutionSequence, Scripted, ObstacleRemoval]:
     planner = Scripted(scene, bars)
-    clearing = Clearing(planner)
-    course = clearing.clear(Errand(scene.goal), Course(scene.start_state()), list(scene.removable), ())
-    return course, planner, clearing
+    removal = ObstacleRemoval(planner)
+    solution = removal.clear(Subgoal(scene.goal), SolutionSequence(scene.start_state()), list(scene.removable), ())
+    return solution, planner, removal
 
 
 def test_what_cannot_go_yet_goes_last(tmp_path):
     scene = eight(tmp_path)
     names = list(scene.removable)
     bars = {name: {after} for name, after in zip(names, names[1:], strict=False)}
-    course, _, clearing = cleared(scene, bars)
-    assert course.aside == tuple(reversed(names))
-    assert clearing.begun <= len(names) ** 2
+    solution, _, removal = cleared(scene, bars)
+    assert solution.aside == tuple(reversed(names))
+    assert removal.begun <= len(names) ** 2
 
 
 def test_a_circle_of_obstacles_ends_with_a_reason_after_few_tries(tmp_path):
     scene = eight(tmp_path)
     names = list(scene.removable)
     planner = Scripted(scene, {name: set(names) - {name} for name in names})
-    clearing = Clearing(planner)
+    removal = ObstacleRemoval(planner)
     with pytest.raises(RemovalError, match="cannot be put aside: 'box_7' is stuck behind box_0"):
-        clearing.clear(Errand(scene.goal), Course(scene.start_state()), names, ())
-    assert clearing.begun == len(names)
+        removal.clear(Subgoal(scene.goal), SolutionSequence(scene.start_state()), names, ())
+    assert removal.begun == len(names)
 
 
 def test_time_that_is_up_ends_the_clearing_at_once(tmp_path):
     scene = eight(tmp_path)
     planner = Scripted(scene, {})
 
-    def late(errand, course):
-        planner.asked.append(errand.goal.object)
+    def late(subgoal, solution):
+        planner.asked.append(subgoal.goal.object)
         raise PlannerError("time is up", Code.TIME_LIMIT)
 
     planner.bring = late
     with pytest.raises(PlannerError, match="time is up"):
-        Clearing(planner).clear(Errand(scene.goal), Course(scene.start_state()), ["box_0", "box_1"], ())
+        ObstacleRemoval(planner).clear(
+            Subgoal(scene.goal), SolutionSequence(scene.start_state()), ["box_0", "box_1"], ()
+        )
     assert planner.asked == ["box_0"]
 
 
 def test_an_errand_that_must_manage_alone_removes_nothing(tmp_path):
     scene = eight(tmp_path)
     planner = Scripted(scene, {})
-    errand = Errand(Goal("box_2", scene.bodies["box_2"].pose), depth=1, alone=True)
+    subgoal = Subgoal(Goal("box_2", scene.bodies["box_2"].pose), depth=1, alone=True)
     with pytest.raises(RemovalError, match="'box_0' is in the way of 'box_2'"):
-        Clearing(planner).clear(errand, Course(scene.start_state()), ["box_0"], ())
+        ObstacleRemoval(planner).clear(subgoal, SolutionSequence(scene.start_state()), ["box_0"], ())
     assert planner.asked == []

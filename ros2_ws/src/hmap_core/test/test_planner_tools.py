@@ -10,7 +10,7 @@ from hmap_core.exceptions import HmapError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import plan
-from hmap_core.planner.motion import scene_holding
+from hmap_core.planner.motion import attach_body
 from hmap_core.planner.tools import spread
 from hmap_core.scenes.portable import scene_from_text, scene_to_text
 from hmap_core.transforms import apply, multiply, pose
@@ -65,10 +65,10 @@ def test_what_is_held_rests_in_the_grip_while_it_is_worked_with(tmp_path):
 def test_an_arm_that_holds_a_body_touches_with_it(tmp_path):
     scene = push_out(tmp_path)
     T_hold = pose((0.1, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-    holding = scene_holding(scene, "arm", "stick", hold(T_hold), scene.bodies["stick"].pose)
+    holding = attach_body(scene, "arm", "stick", hold(T_hold), scene.bodies["stick"].pose)
     assert "stick" not in holding.bodies
     model = holding.robots["arm"].model
-    bare, arm = load_arm(replace(model, held=None)), load_arm(model)
+    bare, arm = load_arm(replace(model, attached=None)), load_arm(model)
     assert load_arm(model) is arm
     assert [h.link for h in arm.hulls if h.finger] == ["stick"]
     assert len(arm.hulls) == len(bare.hulls) + 1
@@ -79,12 +79,12 @@ def test_an_arm_that_holds_a_body_touches_with_it(tmp_path):
 def test_a_scene_with_a_held_body_crosses_a_network(tmp_path):
     scene = push_out(tmp_path)
     T_hold = pose((0.1, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-    holding = scene_holding(scene, "arm", "stick", hold(T_hold), scene.bodies["stick"].pose)
-    before, after = (s.robots["arm"].model.held for s in (holding, scene_from_text(scene_to_text(holding))))
+    holding = attach_body(scene, "arm", "stick", hold(T_hold), scene.bodies["stick"].pose)
+    before, after = (s.robots["arm"].model.attached for s in (holding, scene_from_text(scene_to_text(holding))))
     assert (after.name, after.opening, after.friction) == (before.name, before.opening, before.friction)
     np.testing.assert_allclose(after.T_ee_body, before.T_ee_body, atol=1e-9)
     assert [s.size for s in after.shapes] == [s.size for s in before.shapes]
-    assert scene_from_text(scene_to_text(scene)).robots["arm"].model.held is None
+    assert scene_from_text(scene_to_text(scene)).robots["arm"].model.attached is None
 
 
 def test_holds_are_spread_over_a_tool():

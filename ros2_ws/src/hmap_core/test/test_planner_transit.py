@@ -10,8 +10,8 @@ from hmap_core.komo.features import pose_params
 from hmap_core.komo.ik import solve_ik
 from hmap_core.komo.manipulation import Manipulation, Phase, bit
 from hmap_core.komo.solver import path_violations
-from hmap_core.planner.air import ROOMS, Air
-from hmap_core.planner.motion import scene_holding
+from hmap_core.planner.motion import attach_body
+from hmap_core.planner.transit_search import ROOMS, TransitSearch
 from hmap_core.transforms import pose
 from hmap_core.types import BodyKind, ContactKind, ContactPoint, TaskMode
 
@@ -22,13 +22,13 @@ PER_INTERVAL = 40
 
 
 class Bench:
-    """The arm with the stick among table and board, and its postures over and under the board."""
+    """The arm with the stick among table and board, and its configurations over and under the board."""
 
     def __init__(self, mode: TaskMode):
         board = box("board", (0.3, 0.5, 0.015), (0.65, 0.0, 0.085), BodyKind.FIXED)
         stick = box("stick", (0.3, 0.02, 0.02), (0.0, 0.6, 0.01), BodyKind.TOOL)
         hold = ContactPoint(ContactKind.GRASP, IN_HAND, np.zeros(3), np.array([0, 1.0, 0]), 0.02, np.array([0, 0, 1.0]))
-        holding = scene_holding(scene(board, stick, mode=mode), "left", "stick", hold, stick.pose)
+        holding = attach_body(scene(board, stick, mode=mode), "left", "stick", hold, stick.pose)
         state = holding.start_state()
         state.gripper["left"] = 0.02
         self.manipulation = Manipulation(holding, state, "left", None)
@@ -39,7 +39,7 @@ class Bench:
         home = holding.robots["left"].model.home
         places = [pose_params(self.manipulation.T_tip_ee, T) for T in (OVER, UNDER)]
         self.over, self.under = (solve_ik(problem, place, home[None]) for place in places)
-        self.air = Air(self.manipulation, self.collisions, self.cols, self.over, self.under, TRANSIT)
+        self.air = TransitSearch(self.manipulation, self.collisions, self.cols, self.over, self.under, TRANSIT)
 
     def ways(self, seed: int, narrow: bool = True) -> list[np.ndarray]:
         return list(self.air.ways(np.random.default_rng(seed), time.monotonic() + 60.0, narrow))
@@ -52,8 +52,8 @@ class Bench:
         return float(path_violations(Q, np.full(len(Q), TRANSIT), self.chain, touching, 0.0)[0].max())
 
 
-def replace_margin(cols, margin: float):
-    return cols._replace(margin=np.full_like(cols.margin, margin))
+def replace_margin(cols, min_distance: float):
+    return cols._replace(min_distance=np.full_like(cols.min_distance, min_distance))
 
 
 @pytest.fixture(scope="module")
@@ -89,12 +89,12 @@ def test_in_kinematic_tasks_no_room_is_asked_for():
 def test_a_goal_inside_of_something_is_not_searched_for(bench):
     inside = bench.over.copy()
     inside[3] -= 0.45
-    air = Air(bench.manipulation, bench.collisions, bench.cols, bench.over, inside, TRANSIT)
+    air = TransitSearch(bench.manipulation, bench.collisions, bench.cols, bench.over, inside, TRANSIT)
     assert bench.overlap(np.array([inside, inside])) > 0.0
     assert list(air.ways(np.random.default_rng(0), time.monotonic() + 60.0, narrow=True)) == []
 
 
 def test_a_way_to_where_one_is_stays_there(bench):
-    air = Air(bench.manipulation, bench.collisions, bench.cols, bench.over, bench.over, TRANSIT)
+    air = TransitSearch(bench.manipulation, bench.collisions, bench.cols, bench.over, bench.over, TRANSIT)
     ways = list(air.ways(np.random.default_rng(0), time.monotonic() + 60.0, narrow=True))
     assert ways and all(np.array_equal(way, np.tile(bench.over, (len(way), 1))) for way in ways)

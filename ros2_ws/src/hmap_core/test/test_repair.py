@@ -11,7 +11,7 @@ from hmap_core.exceptions import HmapError
 from hmap_core.plan_file import to_dict
 from hmap_core.planner.conflicts import first_conflict
 from hmap_core.planner.interruption import contacts, held_pose, release, state_at
-from hmap_core.planner.repair import Repair, plan_anew, planned_errands, rehearse
+from hmap_core.planner.repair import Repair, plan_anew, planned_subgoals, rehearse
 from hmap_core.simulation.dynamic import sphere
 from hmap_core.validation import check
 
@@ -48,15 +48,15 @@ def on_the_way_of_the_brick(plan):
 
 
 def test_errands_cover_a_plan_and_end_with_free_hands(plan):
-    errands = planned_errands(plan)
-    assert [errand.bodies for errand in errands] == [{"brick"}] * len(errands)
-    assert errands[0].first == 0 and errands[-1].last == len(plan.trajectory.time) - 1
-    assert all(a.last == b.first for a, b in zip(errands, errands[1:], strict=False))
+    subgoals = planned_subgoals(plan)
+    assert [subgoal.bodies for subgoal in subgoals] == [{"brick"}] * len(subgoals)
+    assert subgoals[0].first == 0 and subgoals[-1].last == len(plan.trajectory.time) - 1
+    assert all(a.last == b.first for a, b in zip(subgoals, subgoals[1:], strict=False))
 
 
 def test_what_is_free_is_followed_as_it_was(plan):
     new, kept = mended(plan, *start_with(plan, FAR))
-    assert kept == {"motions": len(planned_errands(plan))}
+    assert kept == {"motions": len(planned_subgoals(plan))}
     assert np.allclose(new.trajectory.joints["arm"], plan.trajectory.joints["arm"])
 
 

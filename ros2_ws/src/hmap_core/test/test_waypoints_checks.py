@@ -8,7 +8,7 @@ from waypoints_fixtures import SLACK, U_WALLS, WINDOW, u_problem, window_problem
 from hmap_core.collision.convex import convex_set
 from hmap_core.transforms import IDENTITY, interpolate, pose
 from hmap_core.types import BodyKind, Shape, ShapeKind
-from hmap_core.waypoints import DEFAULT_MARGIN, ObjectPathProblem
+from hmap_core.waypoints import DEFAULT_MIN_DISTANCE, ObjectPathProblem
 from hmap_core.waypoints.checker import Geometry, ObjectChecker, ObstacleShapes
 from hmap_core.waypoints.effort import Effort
 from hmap_core.waypoints.kernels import between, length
@@ -23,7 +23,7 @@ def random_pose(rng, spread):
 
 
 def checker_of(problem, planar):
-    return ObjectChecker(problem, Geometry(problem), planar, problem.margin)
+    return ObjectChecker(problem, Geometry(problem), planar, problem.min_distance)
 
 
 def test_the_motion_check_agrees_with_dense_sampling():
@@ -34,18 +34,20 @@ def test_the_motion_check_agrees_with_dense_sampling():
         obstacles = tuple(box(f"o{k}", rng.uniform(0.02, 0.3, 3), (0, 0, 0)) for k in range(4))
         obstacles = tuple(type(o)(o.name, o.kind, o.shapes, random_pose(rng, 0.4)) for o in obstacles)
         a, b = random_pose(rng, 0.5), random_pose(rng, 0.5)
-        far = pose((9, 9, 9))  # nothing is touched at the ends, so the margin holds everywhere
+        far = pose((9, 9, 9))  # nothing is touched at the ends, so the minimum distance holds everywhere
         checker = checker_of(ObjectPathProblem(body, far, far, obstacles, motion="spatial"), False)
         worst = min(min(body_distances(body, T, obstacles).values()) for T in dense([a, b], 4e-3, 0.17))
         if checker.motion_free(a, b):
             free += 1
-            assert worst > DEFAULT_MARGIN - SLACK
+            assert worst > DEFAULT_MIN_DISTANCE - SLACK
         else:
             blocked += 1
-            assert worst < DEFAULT_MARGIN + 4e-3
+            assert worst < DEFAULT_MIN_DISTANCE + 4e-3
         part = checker.free_part(a, b)
         if part > 0.0:
-            assert worst_distance(body, [a, interpolate(a, b, part)], obstacles, 1e-2, 0.17) > DEFAULT_MARGIN - SLACK
+            assert (
+                worst_distance(body, [a, interpolate(a, b, part)], obstacles, 1e-2, 0.17) > DEFAULT_MIN_DISTANCE - SLACK
+            )
     assert free > 5 and blocked > 5
 
 
@@ -89,7 +91,7 @@ def test_the_trees_alone_are_repeatable_and_right(problem, planar, walls):
     np.testing.assert_array_equal(first[1], again[1])
     assert other[0].shape != first[0].shape or not np.allclose(other[0], first[0])
     for path in (first[0], other[1]):
-        assert worst_distance(problem.body, path, walls, step=4e-3, radius=0.15) > DEFAULT_MARGIN - SLACK
+        assert worst_distance(problem.body, path, walls, step=4e-3, radius=0.15) > DEFAULT_MIN_DISTANCE - SLACK
 
 
 def test_what_is_touched_at_the_goal_is_not_brushed_on_the_way_there():
@@ -97,7 +99,9 @@ def test_what_is_touched_at_the_goal_is_not_brushed_on_the_way_there():
     boards = [box(f"board{k}", (0.4, 0.3, 0.02), (0, 0, 0.3 * k)) for k in range(2)]
     book = box("book", (0.06, 0.2, 0.2), (0, 0, 0), kind=BodyKind.MOVABLE)
     start, goal = pose((0, 0, 0.11)), pose((0, 0, 0.41))
-    checker = checker_of(ObjectPathProblem(book, start, goal, tuple(boards), motion="spatial", margin=0.01), False)
+    checker = checker_of(
+        ObjectPathProblem(book, start, goal, tuple(boards), motion="spatial", min_distance=0.01), False
+    )
     out, over = pose((0, 0.29, 0.11)), pose((0, 0.3, 0.41))
     brushing = pose((0, 0.2511, 0.25))  # 1 mm in front of the upper board
     path = relax(checker, np.array([start, out, brushing, over, goal]))

@@ -10,7 +10,7 @@ from waypoints_fixtures import BAR, SLACK, TUNNELS, U_WALLS, WINDOW, two_doors_p
 from hmap_core.exceptions import Code, InputError, WaypointError
 from hmap_core.transforms import distance, pose
 from hmap_core.types import Body, BodyKind, Shape, ShapeKind
-from hmap_core.waypoints import DEFAULT_MARGIN, NoObjectPath, ObjectPathProblem, plan_waypoints
+from hmap_core.waypoints import DEFAULT_MIN_DISTANCE, NoObjectPath, ObjectPathProblem, plan_waypoints
 from hmap_core.waypoints.resample import POSITION_STEP, ROTATION_STEP
 
 
@@ -49,7 +49,7 @@ def test_a_turned_bar_is_put_into_the_tunnel():
     problem = ObjectPathProblem(BAR, pose((0.6, -0.3, 0.09), yaw(1.0)), pose((-0.64, 0.25, 0.09)), (TABLE, *TUNNELS))
     path = plan(problem)
     check_shape_of(path, problem)
-    assert worst_distance(BAR, path.poses, TUNNELS) > DEFAULT_MARGIN - SLACK
+    assert worst_distance(BAR, path.poses, TUNNELS) > DEFAULT_MIN_DISTANCE - SLACK
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -59,7 +59,7 @@ def test_round_a_u(seed):
     check_shape_of(path, problem)
     assert path.motion == "planar"
     np.testing.assert_allclose(path.poses[:, 2], 0.1, atol=1e-12)
-    assert worst_distance(problem.body, path.poses, U_WALLS, radius=0.14) > DEFAULT_MARGIN - SLACK
+    assert worst_distance(problem.body, path.poses, U_WALLS, radius=0.14) > DEFAULT_MIN_DISTANCE - SLACK
     assert len(path.cuts) <= 5
 
 
@@ -69,7 +69,7 @@ def test_through_a_window_too_low_to_pass_straight(seed):
     path = plan(problem, seed)
     check_shape_of(path, problem)
     assert path.motion == "spatial"
-    assert worst_distance(problem.body, path.poses, (TABLE, *WINDOW), radius=0.14) > DEFAULT_MARGIN - SLACK
+    assert worst_distance(problem.body, path.poses, (TABLE, *WINDOW), radius=0.14) > DEFAULT_MIN_DISTANCE - SLACK
 
 
 @pytest.mark.parametrize("problem", [u_problem(), window_problem()])
@@ -110,7 +110,7 @@ def test_the_fewest_bodies_are_named(seed):
     check_shape_of(path, problem)
     gone = {"b0", "b1", TABLE.name}
     standing = [body for body in problem.obstacles if body.name not in gone]
-    assert worst_distance(problem.body, path.poses, standing, radius=0.08) > 0.25 * DEFAULT_MARGIN - SLACK
+    assert worst_distance(problem.body, path.poses, standing, radius=0.08) > 0.25 * DEFAULT_MIN_DISTANCE - SLACK
     with pytest.raises(NoObjectPath) as again:
         plan(problem, seed)
     assert again.value.free_without == error.value.free_without
@@ -212,7 +212,7 @@ def test_a_thin_wall_is_not_jumped():
     cube = box("cube", (0.05, 0.05, 0.05), (0, 0, 0))
     problem = ObjectPathProblem(cube, pose((-0.3, 0, 0.075)), pose((0.3, 0, 0.075)), (TABLE, sheet))
     path = plan(problem)
-    assert worst_distance(cube, path.poses, [sheet], step=5e-4, radius=0.05) > DEFAULT_MARGIN - SLACK
+    assert worst_distance(cube, path.poses, [sheet], step=5e-4, radius=0.05) > DEFAULT_MIN_DISTANCE - SLACK
 
 
 def test_a_bolt_of_two_shapes_keeps_both_clear():
@@ -221,11 +221,12 @@ def test_a_bolt_of_two_shapes_keeps_both_clear():
     posts = [box("post_a", (0.04, 0.04, 0.3), (0.2, 0.1, 0.2)), box("post_b", (0.04, 0.04, 0.3), (0.2, -0.3, 0.2))]
     problem = ObjectPathProblem(bolt, pose((-0.1, 0, 0.07)), pose((0.6, 0, 0.07)), (TABLE, *posts))
     path = plan(problem)
-    assert worst_distance(bolt, path.poses, posts, radius=0.25) > DEFAULT_MARGIN - SLACK
+    assert worst_distance(bolt, path.poses, posts, radius=0.25) > DEFAULT_MIN_DISTANCE - SLACK
 
 
 def test_a_bolt_is_turned_in_its_channel_over_a_rib():
-    """The bar has 0.8 mm of room above and below while it turns: the margin is given up in part, the contact is not."""
+    """The bar has 0.8 mm of room above and below while it turns: the minimum distance is given up in part, the
+    contact is not."""
     shapes = (Shape(ShapeKind.BOX, (0.04, 0.21, 0.04)), Shape(ShapeKind.BOX, (1.0, 0.1, 0.1), pose((0, -0.15, 0))))
     bolt = Body("bolt", BodyKind.MOVABLE, shapes, pose())
     lock = [
@@ -245,7 +246,7 @@ def test_a_bolt_is_turned_in_its_channel_over_a_rib():
 
 
 @pytest.mark.parametrize(
-    "change", [{"motion": "sideways"}, {"margin": -1.0}, {"start": np.zeros(7)}, {"goal": np.full(7, np.nan)}]
+    "change", [{"motion": "sideways"}, {"min_distance": -1.0}, {"start": np.zeros(7)}, {"goal": np.full(7, np.nan)}]
 )
 def test_bad_problems_are_refused(change):
     good = {"start": pose((0, 0, 0.09)), "goal": pose((0.1, 0, 0.09)), "obstacles": (TABLE,)}

@@ -6,7 +6,7 @@ from hmap_core.transforms import pose
 from hmap_core.types import BodyKind
 from hmap_core.waypoints import ObjectPathProblem
 
-# what a check at instants may miss of the margin, m
+# what a check at instants may miss of the min_distance, m
 SLACK = 3e-4
 BAR = box("bar", (1.0, 0.08, 0.08), (0, 0, 0), kind=BodyKind.MOVABLE)
 

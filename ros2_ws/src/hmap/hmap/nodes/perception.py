@@ -15,9 +15,9 @@ from sensor_msgs.msg import CameraInfo, Image, JointState
 from hmap.conversions import cloud_to_message, scene_from_message, scene_to_message, state_to_message
 from hmap.naming import Naming
 from hmap.node import LATCHED, HmapNode, run
+from hmap.perception.detected_objects import DetectedObjects
 from hmap.perception.fusion import Fusion
 from hmap.perception.pictures import Picture, PictureParts
-from hmap.perception.strangers import Strangers
 from hmap_core.contacts.cloud import cloud_from_depth, merged
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes import load_scene
@@ -55,7 +55,7 @@ class Perception(HmapNode):
         self._clouds = self.create_publisher(ObjectClouds, "object_clouds", LATCHED)
         self._new = self.create_publisher(BodyArray, "new_object", LATCHED)
         self._fusion: Fusion | None = None
-        self._strangers: Strangers | None = None
+        self._strangers: DetectedObjects | None = None
         self._told: set[str] = set()  # bodies that `scene` has told of since it was loaded
         self._reported = False  # whether `new_object` holds anything
         self._scene_subscriptions: list = []
@@ -86,7 +86,7 @@ class Perception(HmapNode):
             self._strangers.scene = scene
             self._told |= scene.bodies.keys() - previous.bodies.keys()
         else:
-            self._strangers, self._told = Strangers(scene), set()
+            self._strangers, self._told = DetectedObjects(scene), set()
         self._fusion = fusion
         self._seen = {}
         for subscription in self._scene_subscriptions:

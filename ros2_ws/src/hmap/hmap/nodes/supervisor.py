@@ -20,7 +20,7 @@ from hmap.requests import Caller, time_limit
 from hmap.supervision.controllers import Controllers
 from hmap.supervision.follower import Blocked, Follower
 from hmap.supervision.markers import markers_of
-from hmap.supervision.observer import Observer
+from hmap.supervision.scene_monitor import SceneMonitor
 from hmap_core import planner, transforms
 from hmap_core.exceptions import Code, ExecutionError, HmapError, InputError, PlannerError
 from hmap_core.planner.repair import plan_anew, rehearse
@@ -89,10 +89,10 @@ class Supervisor(HmapNode):
         self._plan_topic = self.create_publisher(PlanMessage, "plan", LATCHED)
         self._markers = self.create_publisher(MarkerArray, "markers", LATCHED)
         self._status_topic = self.create_publisher(PlannerStatus, "planner_status", LATCHED)
-        self._observer = Observer(self, stale)
+        self._scene_monitor = SceneMonitor(self, stale)
         self._remote = Caller(self, self._patience)
         self._controllers = Controllers(self, self._naming, self._patience)
-        self._observer.on_change(self._controllers.news.set)
+        self._scene_monitor.on_change(self._controllers.news.set)
         self._turn, self._jobs = threading.Lock(), threading.Lock()
         self._job: Job | None = None
         self._server = ActionServer(
@@ -173,7 +173,10 @@ class Supervisor(HmapNode):
 
     def _follower(self, job: Job) -> Follower:
         return Follower(
-            self._controllers, self._observer, lambda: self._canceled(job), lambda text: self._say(job, STOPPING, text)
+            self._controllers,
+            self._scene_monitor,
+            lambda: self._canceled(job),
+            lambda text: self._say(job, STOPPING, text),
         )
 
     def _canceled(self, job: Job) -> bool:
@@ -184,7 +187,7 @@ class Supervisor(HmapNode):
     def _goal_scene(self, job: Job) -> Scene:
         """The scene with the goal that is asked for."""
         goal = job.goal
-        loaded = self._observer.scene()
+        loaded = self._scene_monitor.scene()
         if goal.task and (loaded is None or (loaded.task, loaded.seed) != (goal.task, int(goal.seed))):
             loaded = self._load(job)
         if loaded is None:
@@ -202,7 +205,7 @@ class Supervisor(HmapNode):
         self._say(job, PlannerStatus.LOADING, f"task {goal.task!r}, seed {goal.seed}")
         request = LoadScene.Request(task=goal.task, seed=goal.seed)
         self._caller(job).call(LoadScene, "load_scene", request, LOADING_LIMIT)
-        return self._observer.wait_for_scene(goal.task, int(goal.seed), self._state_patience)
+        return self._scene_monitor.wait_for_scene(goal.task, int(goal.seed), self._state_patience)
 
     def _caller(self, job: Job) -> Caller:
         return self._remote.until(lambda: self._canceled(job))
@@ -221,7 +224,7 @@ class Supervisor(HmapNode):
                 on.
         """
         while True:
-            changed = self._observer.changed()
+            changed = self._scene_monitor.changed()
             try:
                 return self._plan_once(job, scene, follower, limit, old)
             except HmapError as error:
@@ -231,12 +234,12 @@ class Supervisor(HmapNode):
     def _move_on(self, job: Job, since: float, error: HmapError) -> bool:
         """Whether the bodies have moved, or do so within the patience."""
         self._say(job, REPLANNING, f"waiting for the way to become free: {error.reason}")
-        moved = self._observer.wait_for_change(since, self._obstacle_patience, lambda: self._canceled(job))
+        moved = self._scene_monitor.wait_for_change(since, self._obstacle_patience, lambda: self._canceled(job))
         return moved and not self._canceled(job)
 
     def _plan_once(self, job: Job, scene: Scene, follower: Follower, limit: float, old) -> Plan:
-        state = follower.told(self._observer.settled(self._state_patience))
-        now, changed = self._observer.scene(), self._observer.changed()
+        state = follower.told(self._scene_monitor.settled(self._state_patience))
+        now, changed = self._scene_monitor.scene(), self._scene_monitor.changed()
         scene = replace(now, goal=scene.goal)
         job.plans += 1
         began, cpu = time.monotonic(), time.thread_time()
@@ -245,7 +248,7 @@ class Supervisor(HmapNode):
             "time_limit": limit,
             "progress": lambda p: self._show_planning(job, p),
             "canceled": lambda: self._canceled(job),
-            "clouds": self._observer.clouds(),
+            "clouds": self._scene_monitor.clouds(),
         }
         if old is None:
             backend = RosBackend(self._caller(job))
@@ -294,7 +297,7 @@ class Supervisor(HmapNode):
             threading.Thread(target=self._rehearse, args=(plan,), name="rehearsal", daemon=True).start()
         follower.follow(plan, show)
         goal = plan.scene.goal
-        self._compare(job, goal, self._observer.settled(self._state_patience).poses[goal.object])
+        self._compare(job, goal, self._scene_monitor.settled(self._state_patience).poses[goal.object])
         allowed = plan.scene.execution_tolerance
         if job.result.position_error > allowed[0] or job.result.rotation_error > allowed[1]:
             raise ExecutionError(

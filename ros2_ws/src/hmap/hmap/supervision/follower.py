@@ -9,7 +9,7 @@ import numpy as np
 
 from hmap.supervision.clock import StretchClock
 from hmap.supervision.controllers import Command, Controllers
-from hmap.supervision.observer import Observer
+from hmap.supervision.scene_monitor import SceneMonitor
 from hmap_core import transforms
 from hmap_core.exceptions import Code, ExecutionError, MotionError
 from hmap_core.execution.drift import DriftTolerance, drift_reason
@@ -25,8 +25,8 @@ from hmap_core.planner.interruption import (
     release,
     stable_sample,
 )
-from hmap_core.planner.put_back import grip_at, put_back, tools_used
-from hmap_core.planner.replan import KeptSegment
+from hmap_core.planner.place_tool import grip_at, plan_place, tools_used
+from hmap_core.planner.planned_contacts import PlannedContact
 from hmap_core.simulation.controllers import JointTrajectory
 from hmap_core.types import Body, BodyKind, Plan, SceneState
 
@@ -41,7 +41,7 @@ LEAD = 0.15  # s of real time that a command takes at most to reach its controll
 TOLD = 0.01  # rad that joints may be from where they were told to be for that to count as their place
 BACK_OFF = 0.2  # s of the plan before a place too near to a new body to which a hand goes back
 SAME_TIME = 1e-6  # s
-PUT_BACK_LIMIT = 20.0  # s to plan how a tool is put back
+PLACE_LIMIT = 20.0  # s to plan how a tool is put back
 
 OnProgress = Callable[[float, float, str], None]  # planned time now and at the end (s), what is done
 
@@ -74,7 +74,7 @@ class Follower:
     def __init__(
         self,
         controllers: Controllers,
-        observer: Observer,
+        scene_monitor: SceneMonitor,
         canceled: Callable[[], bool],
         on_stop: Callable[[str], None] = lambda text: None,
     ):
@@ -83,7 +83,7 @@ class Follower:
             canceled: asked while waiting; true stops the motion.
             on_stop: called with what is in the way when everything is about to stop.
         """
-        self._controllers, self._observer, self._canceled = controllers, observer, canceled
+        self._controllers, self._scene_monitor, self._canceled = controllers, scene_monitor, canceled
         self._on_stop = on_stop
         self._told: dict[str, np.ndarray] = {}  # robot -> where its joints were sent last
         self._held: dict[str, str] = {}  # robot -> what it grips
@@ -157,8 +157,8 @@ class Follower:
             try:
                 if grip is None:
                     raise MotionError(f"{body!r} in the hand of {robot!r} is no tool that was taken")
-                state = self.told(self._observer.settled(STATE_PATIENCE))
-                way = put_back(self._observer.scene(), state, grip, 0, PUT_BACK_LIMIT)
+                state = self.told(self._scene_monitor.settled(STATE_PATIENCE))
+                way = plan_place(self._scene_monitor.scene(), state, grip, 0, PLACE_LIMIT)
             except MotionError:
                 gripper = plan.scene.robots[robot].model.gripper
                 self._open(plan, robot, gripper.open_opening)
@@ -169,7 +169,7 @@ class Follower:
 
     def _look(self, plan: Plan, clock: StretchClock) -> None:
         """Where bodies have come or moved: can the plan be followed on? Raises _Stop where it cannot."""
-        scene = self._observer.scene()
+        scene = self._scene_monitor.scene()
         if scene is None or scene.bodies is self._watched:
             return
         self._watched = scene.bodies
@@ -222,24 +222,24 @@ class Follower:
         self._let_go(plan, contact)
         return at
 
-    def _free_sample(self, plan: Plan, contact: KeptSegment, at: float) -> int:
+    def _free_sample(self, plan: Plan, contact: PlannedContact, at: float) -> int:
         """The last sample on the way to a contact, up to ``at`` (s), before the way comes too near to a new body."""
         time = plan.trajectory.time
-        new = unknown_bodies(plan, self._observer.scene().bodies)
+        new = unknown_bodies(plan, self._scene_monitor.scene().bodies)
         conflict = first_conflict(plan, new, float(time[contact.first]), at)
         until = at if conflict is None else conflict.time - BACK_OFF
         return max(contact.first, index_at(time, until))
 
-    def _go_back(self, plan: Plan, contact: KeptSegment, sample: int, at: float) -> None:
+    def _go_back(self, plan: Plan, contact: PlannedContact, sample: int, at: float) -> None:
         robot = contact.segment.robot
-        state = self.told(self._observer.settled(STATE_PATIENCE))
+        state = self.told(self._scene_monitor.settled(STATE_PATIENCE))
         motion = back_to(plan, robot, sample, state.q[robot], at)
         if motion is not None:
             self._controllers.wait([self._send(plan, robot, motion)], self._canceled, HANG)
 
-    def _let_go(self, plan: Plan, contact: KeptSegment) -> None:
-        state = self.told(self._observer.settled(STATE_PATIENCE))
-        opening, motion = release(self._observer.scene(), state, plan, contact)
+    def _let_go(self, plan: Plan, contact: PlannedContact) -> None:
+        state = self.told(self._scene_monitor.settled(STATE_PATIENCE))
+        opening, motion = release(self._scene_monitor.scene(), state, plan, contact)
         self._open(plan, contact.segment.robot, opening)
         if motion is not None:
             self._controllers.wait([self._send(plan, contact.segment.robot, motion)], self._canceled, HANG)
@@ -310,18 +310,18 @@ class Follower:
 
     def _watch(self, plan: Plan, sample: int) -> None:
         """Raises ExecutionError where something is lost."""
-        _, state = self._observer.state(STATE_PATIENCE)
+        _, state = self._scene_monitor.state(STATE_PATIENCE)
         if _lost(plan, sample, state):
-            state = self._observer.settled(STATE_PATIENCE)  # that state may be of before the end of the stretch
+            state = self._scene_monitor.settled(STATE_PATIENCE)  # that state may be of before the end of the stretch
         for reason in _lost(plan, sample, state):
             raise ExecutionError(reason, Code.OBJECT_DROPPED)
 
     def _watch_drift(self, plan: Plan, sample: int) -> None:
         """Raises ExecutionError where the rest of the plan is of no use, with free hands."""
-        _, state = self._observer.state(STATE_PATIENCE)
+        _, state = self._scene_monitor.state(STATE_PATIENCE)
         if _drift(plan, sample, state) is None:
             return
-        reason = _drift(plan, sample, self._observer.settled(STATE_PATIENCE))
+        reason = _drift(plan, sample, self._scene_monitor.settled(STATE_PATIENCE))
         if reason is not None:
             self.free_hands()
             raise ExecutionError(reason, Code.GOAL_MISSED)

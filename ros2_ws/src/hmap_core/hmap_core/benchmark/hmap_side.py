@@ -76,13 +76,13 @@ def solve(instance: MotionInstance, workspace: Workspace) -> Answer:
     """The part inside of the clock: the problem from its skeleton, and its solution."""
     problem = _problem(instance, workspace)
     if not instance.path:
-        return _posture(instance, problem)
+        return _configuration(instance, problem)
     rng = np.random.default_rng(instance.seed)
     result = problem.solve(workspace.start, restarts=instance.restarts, rng=rng)
     return Answer(result.feasible, np.concatenate([workspace.start[None], result.path]))
 
 
-def _posture(instance: MotionInstance, problem: SkeletonProblem) -> Answer:
+def _configuration(instance: MotionInstance, problem: SkeletonProblem) -> Answer:
     """From the start, then from random configurations, until one is found."""
     chain, start = problem.chain, instance.start
     params = np.concatenate([o.feature.params for o in problem.objectives])

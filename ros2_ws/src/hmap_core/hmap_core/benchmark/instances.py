@@ -45,7 +45,8 @@ class MotionInstance:
         steps_per_phase: steps of each phase, without the start.
         touching: (robot, body) whose fingers may touch it.
         restarts: how many further starts a solver may try.
-        path: whether the way counts. If not, this is one posture (one step), and only that posture is judged.
+        path: whether the way counts. If not, this is one configuration (one step), and only that configuration is
+            judged.
         rounding: radius (m) by which the edges of all boxes are rounded, inside of their sizes.
         seed: of whatever the solvers draw.
     """

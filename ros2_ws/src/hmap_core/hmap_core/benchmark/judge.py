@@ -31,7 +31,7 @@ def judge(instance: MotionInstance, path: np.ndarray) -> list[str]:
     found += _limits(instance, path)
     found += _targets(instance, path)
     if not instance.path:
-        return found + _posture(instance, path[-1:])
+        return found + _configuration(instance, path[-1:])
     for phase in range(len(instance.steps_per_phase)):
         found += _phase(instance, path, phase)
     return found
@@ -74,7 +74,7 @@ def _targets(instance: MotionInstance, path: np.ndarray) -> list[str]:
     return found
 
 
-def _posture(instance: MotionInstance, q: np.ndarray) -> list[str]:
+def _configuration(instance: MotionInstance, q: np.ndarray) -> list[str]:
     world = instance_world(instance, q, {})
     deepest = nearest(world, pairs(world), -PENETRATION)
     return [f"something is {-deepest * 1e3:.2f} mm deep in something else"] if deepest < -PENETRATION else []

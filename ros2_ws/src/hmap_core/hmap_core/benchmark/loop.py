@@ -1,6 +1,6 @@
 """The loop of H-MaP for both sides: the object's path, waypoints on it, contacts that serve for some of them, motions.
 
-What plans the object's path, finds postures and optimises motions is a side's own; the loop is the same for both.
+What plans the object's path, finds configurations and optimises motions is a side's own; the loop is the same for both.
 """
 
 from collections.abc import Callable
@@ -48,9 +48,9 @@ class LoopSide:
     solve: Callable[..., Answer]
     retarget: Callable
 
-    def postures(self, instance: LoopInstance):
-        """What finding postures needs; outside of the clock, as it is the same for all of them."""
-        return self.prepare(_posture(instance, instance.scene.bodies[DISC].pose, _robot(instance).q))
+    def configurations(self, instance: LoopInstance):
+        """What finding configurations needs; outside of the clock, as it is the same for all of them."""
+        return self.prepare(_configuration(instance, instance.scene.bodies[DISC].pose, _robot(instance).q))
 
     def run(self, instance: LoopInstance, prepared) -> Answer:
         """The loop; its path is a list of (motion instance, path)."""
@@ -99,11 +99,11 @@ class LoopSide:
         return (motion, answer.path) if answer.claimed else None
 
     def _reach(self, instance: LoopInstance, prepared, targets: list[np.ndarray], q: np.ndarray) -> int:
-        """How many of the first hand poses (7,) there are postures for, each found from the one before."""
+        """How many of the first hand poses (7,) there are configurations for, each found from the one before."""
         for count, target in enumerate(targets):
-            posture = _posture(instance, target, q)
-            self.retarget(prepared, posture)
-            answer = self.solve(posture, prepared)
+            configuration = _configuration(instance, target, q)
+            self.retarget(prepared, configuration)
+            answer = self.solve(configuration, prepared)
             if not answer.claimed:
                 return count
             q = answer.path[-1]
@@ -135,8 +135,8 @@ def _moved(instance: LoopInstance, q: np.ndarray):
     return {"panda": replace(_robot(instance), q=q)}
 
 
-def _posture(instance: LoopInstance, T_world_ee: np.ndarray, q: np.ndarray) -> MotionInstance:
-    """A posture of the hand without the disc: the disc's own path is free, and the contact is one."""
+def _configuration(instance: LoopInstance, T_world_ee: np.ndarray, q: np.ndarray) -> MotionInstance:
+    """A configuration of the hand without the disc: the disc's own path is free, and the contact is one."""
     bodies = {name: body for name, body in instance.scene.bodies.items() if name != DISC}
     scene = replace(instance.scene, bodies=bodies, robots=_moved(instance, q))
     return MotionInstance(
@@ -190,7 +190,7 @@ def _hmap_path(instance: LoopInstance, attempt: int) -> np.ndarray | None:
     disc = scene.bodies[DISC]
     bounds = np.column_stack([np.reshape(REGION, (2, 2)), np.repeat(disc.pose[2], 2)])
     problem = ObjectPathProblem(
-        disc, disc.pose, scene.goal.pose, obstacles, motion="planar", margin=_margin(attempt), bounds=bounds
+        disc, disc.pose, scene.goal.pose, obstacles, motion="planar", min_distance=_margin(attempt), bounds=bounds
     )
     try:
         poses = plan_waypoints(problem, np.random.default_rng([instance.seed, attempt])).poses
@@ -228,10 +228,10 @@ def _rai_path(instance: LoopInstance, attempt: int) -> np.ndarray | None:
     return _of_middle(result.x, start)
 
 
-def _wider(disc: Body, margin: float) -> Body:
-    """A disc with a larger radius (m), for a search that keeps no margin by itself."""
+def _wider(disc: Body, min_distance: float) -> Body:
+    """A disc with a larger radius (m), for a search that keeps no minimum distance by itself."""
     radius, height = disc.shapes[0].size
-    return replace(disc, shapes=(replace(disc.shapes[0], size=(radius + margin, height)),))
+    return replace(disc, shapes=(replace(disc.shapes[0], size=(radius + min_distance, height)),))
 
 
 HMAP = LoopSide(_hmap_path, hmap_side.prepare, hmap_side.solve, lambda prepared, instance: None)

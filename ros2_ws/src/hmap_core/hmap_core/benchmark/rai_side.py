@@ -35,7 +35,7 @@ POSTURE = Settings(target=100.0, collision=1.0, options=CAREFUL)
 KEYFRAMES = Settings(target=10.0, collision=1.0, options=CAREFUL)
 PATH = Settings(target=100.0, collision=10.0)
 CONTROL_SCALE = 0.1  # of accelerations
-HOMING_SCALE = 0.1  # of the distance of postures from the start
+HOMING_SCALE = 0.1  # of the distance of configurations from the start
 KEYFRAME_HOMING_SCALE, KEYFRAME_VELOCITY_SCALE = 0.01, 0.1  # as KOMO_ManipulationHelper.setup_sequence has them
 KEYFRAME_RESTARTS = 8
 KEYFRAME_NOISE = 0.5  # rad
@@ -148,7 +148,7 @@ def solve(instance: MotionInstance, prepared: Prepared) -> Answer:
     ry = robotic()
     rng = np.random.default_rng(instance.seed)
     if not instance.path:
-        q, ok = _posture(ry, instance, prepared, rng)
+        q, ok = _configuration(ry, instance, prepared, rng)
         return Answer(ok, np.concatenate([instance.start[None], q]))
     path = None
     for _ in range(1 + instance.restarts):
@@ -198,8 +198,8 @@ def _solved(ry: ModuleType, komo, settings: Settings) -> tuple[bool, np.ndarray]
     return solver.solve().feasible, komo.getPath()
 
 
-def _posture(ry: ModuleType, instance: MotionInstance, prepared: Prepared, rng: np.random.Generator):
-    """One posture (1, n), from the start or else from random ones, and whether it is feasible."""
+def _configuration(ry: ModuleType, instance: MotionInstance, prepared: Prepared, rng: np.random.Generator):
+    """One configuration (1, n), from the start or else from random ones, and whether it is feasible."""
     komo = _komo(ry, instance, prepared, 1, 0, POSTURE)
     komo.addControlObjective([], 0, HOMING_SCALE)
     low, high = np.concatenate([r.model.position_limits for r in instance.scene.robots.values()], axis=1)
@@ -214,7 +214,7 @@ def _posture(ry: ModuleType, instance: MotionInstance, prepared: Prepared, rng: 
 def _keyframes(
     ry: ModuleType, instance: MotionInstance, prepared: Prepared, rng: np.random.Generator
 ) -> np.ndarray | None:
-    """Postures (phases, n) of the phase ends, where found: KOMO's way-points, with noise round the start."""
+    """Configurations (phases, n) of the phase ends, where found: KOMO's way-points, with noise round the start."""
     komo = _komo(ry, instance, prepared, 1, 1, KEYFRAMES)
     komo.addControlObjective([], 0, KEYFRAME_HOMING_SCALE)
     komo.addControlObjective([], 1, KEYFRAME_VELOCITY_SCALE)

@@ -63,8 +63,8 @@ PROBLEMS: dict[str, Problem] = {
     "puck_komo": motion(puck.puck_komo),
     "puck_loop": Problem(
         puck.puck_loop,
-        Side(loop.HMAP.postures, loop.HMAP.run),
-        Side(loop.RAI.postures, loop.RAI.run),
+        Side(loop.HMAP.configurations, loop.HMAP.run),
+        Side(loop.RAI.configurations, loop.RAI.run),
         loop.judge_loop,
     ),
     "tunnel_push": motion(tunnel_push.tunnel_push),

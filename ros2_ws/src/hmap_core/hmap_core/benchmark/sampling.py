@@ -1,6 +1,7 @@
-"""Random postures, bodies and contacts for instances, found with the judge's kinematics and geometry only.
+"""Random configurations, bodies and contacts for instances, found with the judge's kinematics and geometry only.
 
-No solver that is compared has a hand in choosing the instances: what makes an instance feasible is a posture that this
+No solver that is compared has a hand in choosing the instances: what makes an instance feasible is a configuration
+    that this
 module finds by damped least squares from many random starts (Wampler 1986) and that the judge finds free.
 """
 
@@ -16,7 +17,7 @@ from hmap_core.transforms import from_matrix, interpolate, multiply, pose
 from hmap_core.types import Body, BodyKind, Robot, Scene
 from hmap_core.validation import arm, rigid
 
-LIMIT_SHARE = 0.05  # of the joint range, at either end, in which no posture is drawn
+LIMIT_SHARE = 0.05  # of the joint range, at either end, in which no configuration is drawn
 IK_STARTS = 64
 IK_ITERATIONS = 60
 IK_DAMPING = 1e-3
@@ -111,11 +112,12 @@ def straight_is_free(
     goal: np.ndarray,
     approach: float,
     rng: np.random.Generator,
-    margin: float,
+    min_distance: float,
 ) -> bool:
     """Whether the robot of a ride can come to the object, and carry it straight from its start to a goal (7,).
 
-    A proof by example: one of the postures at the contact, led back by ``approach`` (m) along the hand's z axis, and
+    A proof by example: one of the configurations at the contact, led back by ``approach`` (m) along the hand's z
+        axis, and
     led on with the object. Free is as in :func:`ends_are_free`, at LED_PLACES and BACK_PLACES places.
     """
     robot, body = scene.robots[ride.robot], scene.bodies[ride.object]
@@ -130,7 +132,7 @@ def straight_is_free(
     places = [*poses, *[body.pose] * len(back)]
     ways = np.concatenate([led, come])
     return any(
-        all(_free(scene, opening, ride, T, q, margin, touching) for T, q in zip(places, ways[:, k], strict=True))
+        all(_free(scene, opening, ride, T, q, min_distance, touching) for T, q in zip(places, ways[:, k], strict=True))
         for k in np.flatnonzero(can_lead & can_come)
     )
 
@@ -142,25 +144,27 @@ def _may_touch(scene: Scene, ride: Ride) -> set[frozenset[str]]:
     return pairs | {frozenset((name, other)) for other in scene.bodies if scene.bodies[other].kind is BodyKind.FIXED}
 
 
-def _free(scene: Scene, opening: float, ride: Ride, T: np.ndarray, q: np.ndarray, margin: float, touching) -> bool:
-    """Whether the robot of a ride at q (n,) is ``margin`` (m) from everything, with the object at T (7,)."""
+def _free(
+    scene: Scene, opening: float, ride: Ride, T: np.ndarray, q: np.ndarray, min_distance: float, touching
+) -> bool:
+    """Whether the robot of a ride at q (n,) is ``min_distance`` (m) from everything, with the object at T (7,)."""
     there = replace(scene, bodies=scene.bodies | {ride.object: replace(scene.bodies[ride.object], pose=T)})
-    return clearance(there, {ride.robot: opening}, {ride.robot: q}, margin, touching) >= margin
+    return clearance(there, {ride.robot: opening}, {ride.robot: q}, min_distance, touching) >= min_distance
 
 
 def ends_are_free(
-    scene: Scene, opening: float, ride: Ride, goal: np.ndarray, rng: np.random.Generator, margin: float
+    scene: Scene, opening: float, ride: Ride, goal: np.ndarray, rng: np.random.Generator, min_distance: float
 ) -> bool:
-    """Whether the robot of a ride has free postures with the object at its start and at a goal (7,).
+    """Whether the robot of a ride has free configurations with the object at its start and at a goal (7,).
 
-    Free is ``margin`` (m) from everything, but for the fingers at the object and the object on what it stands on.
+    Free is ``min_distance`` (m) from everything, but for the fingers at the object and the object on what it stands on.
     """
     robot, body = scene.robots[ride.robot], scene.bodies[ride.object]
     touching = _may_touch(scene, ride)
     near = robot.q
     for T in (body.pose, goal):
         for q in postures_at(robot, multiply(T, ride.T_obj_ee), rng, near):
-            if _free(scene, opening, ride, T, q, margin, touching):
+            if _free(scene, opening, ride, T, q, min_distance, touching):
                 near = q
                 break
         else:

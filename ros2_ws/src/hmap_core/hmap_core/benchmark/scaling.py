@@ -32,7 +32,7 @@ REACH = ((0.25, -0.4, 0.15), (0.7, 0.4, 0.8))  # m, from its base: where an arm'
 SPREAD = ((0.2, -0.6, 0.1), (0.9, 0.6, 1.0))  # m, from an arm's base: where boxes float
 BOX_SIZE = ((0.04, 0.04, 0.04), (0.12, 0.12, 0.2))  # m
 OPENING = 0.04  # m, of grippers
-DRAWS = 400  # postures drawn before an attempt is given up
+DRAWS = 400  # configurations drawn before an attempt is given up
 BOXES = 80  # drawn; those too near to the arms are left out
 WARM_UP_SEED = 10**6
 HEADROOM = 1.15  # of the drawn axes
@@ -76,7 +76,7 @@ def _arm(k: int, name: str) -> Robot:
 
 
 def _reaching(robot: Robot, rng: np.random.Generator) -> np.ndarray | None:
-    """A posture (n,) whose end-effector is in front of the robot."""
+    """A configuration (n,) whose end-effector is in front of the robot."""
     low, high = REACH
     for _ in range(DRAWS):
         q = random_posture(robot, rng)
@@ -91,11 +91,11 @@ def _box(k: int, robot: Robot, rng: np.random.Generator) -> Body:
     return box(f"box_{k}", rng.uniform(*BOX_SIZE), pose(place, yaw_quaternion(rng.uniform(-np.pi, np.pi))))
 
 
-def _apart(bodies: list[Body], robots, opening, postures) -> list[Body]:
-    """The bodies that robots in each of the postures keep SAFE from."""
+def _apart(bodies: list[Body], robots, opening, configurations) -> list[Body]:
+    """The bodies that robots in each of the configurations keep SAFE from."""
     scene = scene_of("scaling", 0, bodies, robots, Goal(bodies[0].name, bodies[0].pose))
     near = set()
-    for q in postures:
+    for q in configurations:
         world = motion_world(scene, opening, {name: np.atleast_2d(value) for name, value in q.items()})
         near |= {name for pair in pairs(world) if nearest(world, [pair], SAFE) < SAFE for name in pair.names}
     return [body for body in bodies if body.name not in near]

@@ -154,19 +154,30 @@ def _centers_apart(cA, RA, pA, cB, RB, pB):
 
 
 @nb.njit(**OPTIONS)
-def sets_closer(VA, sA, radA, cA, bA, RA, pA, VB, sB, radB, cB, bB, RB, pB, margin):
-    """Whether any shape of set A is nearer than ``margin`` (m) to any of set B; the arrays are those of ConvexSet."""
+def sets_closer(VA, sA, radA, cA, bA, RA, pA, VB, sB, radB, cB, bB, RB, pB, min_distance):
+    """Whether any shape of set A is nearer than ``min_distance`` (m) to any of set B; the arrays are those of
+    ConvexSet."""
     witness = np.empty((3, 3))
     work = np.zeros(WORK)
     for i in range(len(radA)):
         for j in range(len(radB)):
-            if _centers_apart(cA[i], RA, pA, cB[j], RB, pB) - bA[i] - bB[j] > margin:
+            if _centers_apart(cA[i], RA, pA, cB[j], RB, pB) - bA[i] - bB[j] > min_distance:
                 continue
             work[:3] = pA - pB
             d = distance_within(
-                VA[sA[i] : sA[i + 1]], RA, pA, radA[i], VB[sB[j] : sB[j + 1]], RB, pB, radB[j], margin, witness, work
+                VA[sA[i] : sA[i + 1]],
+                RA,
+                pA,
+                radA[i],
+                VB[sB[j] : sB[j + 1]],
+                RB,
+                pB,
+                radB[j],
+                min_distance,
+                witness,
+                work,
             )
-            if d < margin:
+            if d < min_distance:
                 return True
     return False
 

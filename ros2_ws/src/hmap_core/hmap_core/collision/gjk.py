@@ -181,10 +181,10 @@ def _tetrahedron_weights(work):
 
 
 @nb.njit(**INLINE)
-def _reduce(work, hint, n):
+def _reduce(work, guess, n):
     """Point of the simplex of n points closest to the origin, into the scratch's direction.
 
-    Keeps only the vertices that carry it, with their weights and their indices in ``hint``. Returns (the new size, the
+    Keeps only the vertices that carry it, with their weights and their indices in ``guess``. Returns (the new size, the
     squared distance); size 4 means that the origin is inside.
     """
     if n == 1:
@@ -205,15 +205,15 @@ def _reduce(work, hint, n):
                     work[W + 3 * m + x] = work[W + 3 * i + x]
                     work[WA + 3 * m + x] = work[WA + 3 * i + x]
                     work[WB + 3 * m + x] = work[WB + 3 * i + x]
-                hint[1 + m] = hint[1 + i]
-                hint[5 + m] = hint[5 + i]
+                guess[1 + m] = guess[1 + i]
+                guess[5 + m] = guess[5 + i]
                 work[BARY + m] = weight
             v0 += weight * work[W + 3 * m]
             v1 += weight * work[W + 3 * m + 1]
             v2 += weight * work[W + 3 * m + 2]
             m += 1
     work[V], work[V + 1], work[V + 2] = v0, v1, v2
-    hint[0] = m
+    guess[0] = m
     return m, v0 * v0 + v1 * v1 + v2 * v2
 
 
@@ -227,60 +227,60 @@ def _put(work, n, a0, a1, a2, b0, b1, b2):
 
 
 @nb.njit(**INLINE)
-def _gjk(VA, EA, RA, pA, VB, EB, RB, pB, cutoff, hint, work):
+def _gjk(VA, EA, RA, pA, VB, EB, RB, pB, cutoff, guess, work):
     """Closest points of two cores. Returns (simplex size, distance or a lower bound beyond cutoff).
 
     Size 0: farther apart than ``cutoff`` (the distance returned is a lower bound, the scratch has the separating
-    direction). Size 4, or distance 0: overlapping. The simplex of the last call, in ``hint``, is where it starts.
+    direction). Size 4, or distance 0: overlapping. The simplex of the last call, in ``guess``, is where it starts.
     """
-    n = hint[0]
+    n = guess[0]
     fresh = n == 0
     if fresh:
-        hint[1] = 0
-        hint[5] = 0
+        guess[1] = 0
+        guess[5] = 0
         vv = work[V] * work[V] + work[V + 1] * work[V + 1] + work[V + 2] * work[V + 2]
         if vv < 1e-18:
             work[V], work[V + 1], work[V + 2] = 1.0, 0.0, 0.0
             vv = 1.0
     else:
         for i in range(n):
-            a0, a1, a2 = _point(VA, RA, pA, hint[1 + i])
-            b0, b1, b2 = _point(VB, RB, pB, hint[5 + i])
+            a0, a1, a2 = _point(VA, RA, pA, guess[1 + i])
+            b0, b1, b2 = _point(VB, RB, pB, guess[5 + i])
             _put(work, i, a0, a1, a2, b0, b1, b2)
-        n, vv = _reduce(work, hint, n)
+        n, vv = _reduce(work, guess, n)
         if n == 4:
-            hint[0] = 4
+            guess[0] = 4
             return 4, 0.0
         if vv <= TOUCHING * TOUCHING:
             return n, 0.0
     for _ in range(MAX_ITERATIONS):
         v0, v1, v2 = work[V], work[V + 1], work[V + 2]
         last = max(n - 1, 0)
-        ia = _support(VA, EA, hint[1 + last], RA, -v0, -v1, -v2)
-        ib = _support(VB, EB, hint[5 + last], RB, v0, v1, v2)
+        ia = _support(VA, EA, guess[1 + last], RA, -v0, -v1, -v2)
+        ib = _support(VB, EB, guess[5 + last], RB, v0, v1, v2)
         a0, a1, a2 = _point(VA, RA, pA, ia)
         b0, b1, b2 = _point(VB, RB, pB, ib)
         vw = v0 * (a0 - b0) + v1 * (a1 - b1) + v2 * (a2 - b2)
         if vw > 0.0 and vw * vw > cutoff * cutoff * vv:
             if n == 0:
-                hint[0] = 1
-                hint[1] = ia
-                hint[5] = ib
+                guess[0] = 1
+                guess[1] = ia
+                guess[5] = ib
             return 0, vw / np.sqrt(vv)
         if not fresh and vv - vw <= RELATIVE_GAP * vv:
             break
         seen = False
         for i in range(n):
-            if hint[1 + i] == ia and hint[5 + i] == ib:
+            if guess[1 + i] == ia and guess[5 + i] == ib:
                 seen = True
         if seen:
             break
         _put(work, n, a0, a1, a2, b0, b1, b2)
-        hint[1 + n] = ia
-        hint[5 + n] = ib
-        n, new = _reduce(work, hint, n + 1)
+        guess[1 + n] = ia
+        guess[5 + n] = ib
+        n, new = _reduce(work, guess, n + 1)
         if n == 4:
-            hint[0] = 4
+            guess[0] = 4
             return 4, 0.0
         if new <= TOUCHING * TOUCHING:
             return n, 0.0
@@ -351,7 +351,7 @@ def _add_face(P, F, N, m, i, j, k):
 
 
 @nb.njit(**OPTIONS)
-def _epa(VA, EA, RA, pA, VB, EB, RB, pB, hint, work, witness):
+def _epa(VA, EA, RA, pA, VB, EB, RB, pB, guess, work, witness):
     """Penetration depth of two overlapping cores from a tetrahedron round the origin.
 
     Writes the unit normal from A into B and the deepest points of A and B to witness (3, 3).
@@ -369,7 +369,7 @@ def _epa(VA, EA, RA, pA, VB, EB, RB, pB, hint, work, witness):
             i, j = j, i
         _add_face(P, F, N, f, i, j, k)
     n = m = 4
-    ia, ib = hint[1], hint[5]
+    ia, ib = guess[1], guess[5]
     best = 0
     for _ in range(EPA_VERTICES):
         best = 0
@@ -455,15 +455,15 @@ def _epa(VA, EA, RA, pA, VB, EB, RB, pB, hint, work, witness):
 
 
 @nb.njit(**PLAIN)
-def distance_from(VA, EA, RA, pA, rA, VB, EB, RB, pB, rB, cutoff, hint, witness, work):
+def distance_from(VA, EA, RA, pA, rA, VB, EB, RB, pB, rB, cutoff, guess, witness, work):
     """:func:`distance_within` that starts from what it found last time.
 
     Args:
         EA, EB: edges of the hulls (see :func:`hmap_core.collision.edges.hull_edges`), or empty.
-        hint: (9,) size of the last simplex, its vertices of A (4,), of B (4,); read and written. Size 0: none.
+        guess: (9,) size of the last simplex, its vertices of A (4,), of B (4,); read and written. Size 0: none.
     """
     radius = rA + rB
-    n, d = _gjk(VA, EA, RA, pA, VB, EB, RB, pB, cutoff + radius, hint, work)
+    n, d = _gjk(VA, EA, RA, pA, VB, EB, RB, pB, cutoff + radius, guess, work)
     if n == 0:
         return d - radius
     if n < 4 and d > 0.0:
@@ -479,9 +479,9 @@ def distance_from(VA, EA, RA, pA, rA, VB, EB, RB, pB, rB, cutoff, hint, witness,
         return d - radius
     if n < 4:
         n = _tetrahedron(VA, EA, RA, pA, VB, EB, RB, pB, work, n)
-        hint[0] = 0  # the vertices that were added have no place in it
-        hint[1] = 0
-        hint[5] = 0
+        guess[0] = 0  # the vertices that were added have no place in it
+        guess[1] = 0
+        guess[5] = 0
     if n < 4:
         # both cores lie in one plane or line: they touch, with no depth to speak of
         for x in range(3):
@@ -489,7 +489,7 @@ def distance_from(VA, EA, RA, pA, rA, VB, EB, RB, pB, rB, cutoff, hint, witness,
             witness[1, x] = work[WA + x]
             witness[2, x] = work[WB + x]
         return -radius
-    depth = _epa(VA, EA, RA, pA, VB, EB, RB, pB, hint, work, witness)
+    depth = _epa(VA, EA, RA, pA, VB, EB, RB, pB, guess, work, witness)
     for x in range(3):
         witness[0, x] = -witness[0, x]
         work[V + x] = witness[0, x]
@@ -514,8 +514,8 @@ def distance_within(VA, RA, pA, rA, VB, RB, pB, rB, cutoff, witness, work):
         Distance in metres, negative by the penetration depth.
     """
     none = np.empty(0, np.int32)
-    hint = np.zeros(9, np.int16)
-    return distance_from(VA, none, RA, pA, rA, VB, none, RB, pB, rB, cutoff, hint, witness, work)
+    guess = np.zeros(9, np.int16)
+    return distance_from(VA, none, RA, pA, rA, VB, none, RB, pB, rB, cutoff, guess, witness, work)
 
 
 @nb.njit(**OPTIONS)

@@ -40,7 +40,7 @@ class GrownModel(CollisionModel):
     def _pack(self) -> Collisions:
         base, S, P = self._base.packed, len(self._base.hulls), len(self._base.pairs)
         vertices, radius, center, bound, edges = _columns(self.hulls[S:], 5)
-        a, b, margin, phases = _columns(self.pairs[P:], 4)
+        a, b, min_distance, phases = _columns(self.pairs[P:], 4)
         points, start = np.concatenate([base.vertices, *vertices]), _ends(base.vertices, vertices)
         low, high = (f.reduceat(points, start[:-1]) for f in (np.minimum, np.maximum))
         swept = np.array(radius, float)[:, None]
@@ -57,7 +57,7 @@ class GrownModel(CollisionModel):
             _longer(base.frame, self.frames[S:]),
             np.concatenate([base.a, a]),
             np.concatenate([base.b, b]),
-            _longer(base.margin, margin),
+            _longer(base.min_distance, min_distance),
             _longer(base.phases, phases),
             speed,
             np.concatenate([base.edges, *edges]),

@@ -78,10 +78,10 @@ def _box_distance(low, high, R, p, c):
 
 
 @nb.njit(**INLINE)
-def pair_distance(cols, k, R, p, centers, cutoff, hint, witness, work):
+def pair_distance(cols, k, R, p, centers, cutoff, guess, witness, work):
     """Signed distance (m) of pair k, or a lower bound above ``cutoff``.
 
-    ``hint`` (9,) keeps the closest features between calls; it makes the next call on a similar configuration cheap.
+    ``guess`` (9,) keeps the closest features between calls; it makes the next call on a similar configuration cheap.
     """
     a, b = cols.a[k], cols.b[k]
     ca, cb = centers[a], centers[b]
@@ -102,5 +102,5 @@ def pair_distance(cols, k, R, p, centers, cutoff, hint, witness, work):
         R[fa], p[fa], cols.radius[a],
         cols.vertices[cols.start[b] : cols.start[b + 1]], cols.edges[cols.edge[b] : cols.edge[b + 1]],
         R[fb], p[fb], cols.radius[b],
-        cutoff, hint, witness, work,
+        cutoff, guess, witness, work,
     )  # fmt: skip

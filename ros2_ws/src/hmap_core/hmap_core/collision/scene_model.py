@@ -11,12 +11,13 @@ from hmap_core.collision.edges import NO_EDGES
 
 # The arrays of a CollisionModel as the compiled code takes them.
 #   vertices (V,3), start (S+1,), radius (S,), center (S,3), bound (S,), low/high (S,3): box round the shape, own frame
-#   frame (S,): frame that carries it; a, b (P,): shapes of a pair; margin (P,): m; phases (P,): bit k set = in phase k
+#   frame (S,): frame that carries it; a, b (P,): shapes of a pair; minimum distance (P,): m; phases (P,): bit k set
+# = in phase k
 #   speed (S,): how much farther than the chain's reach says a point of the shape may move; 0 in the world frame
 #   edges, edge (S+1,): hull edges of shape s are edges[edge[s]:edge[s+1]], see hmap_core.collision.edges
 #   closing (P,): how far both shapes of a pair together may move per metre that the chain's reach says
 Collisions = namedtuple(
-    "Collisions", "vertices start radius center bound low high frame a b margin phases speed edges edge closing"
+    "Collisions", "vertices start radius center bound low high frame a b min_distance phases speed edges edge closing"
 )
 
 ALL_PHASES = -1  # every bit
@@ -79,9 +80,9 @@ class CollisionModel:
             list(self.hulls), list(self.frames), list(self.names), list(self.pairs), list(self.speeds)
         )
 
-    def keep_apart(self, A: Iterable[int], B: Sequence[int], margin: float, phases: int = ALL_PHASES) -> None:
-        """Every shape of A keeps ``margin`` metres from every one of B in the phases of the bit mask."""
-        self.pairs.extend((a, b, margin, phases) for a in A for b in B)
+    def keep_apart(self, A: Iterable[int], B: Sequence[int], min_distance: float, phases: int = ALL_PHASES) -> None:
+        """Every shape of A keeps ``min_distance`` metres from every one of B in the phases of the bit mask."""
+        self.pairs.extend((a, b, min_distance, phases) for a in A for b in B)
 
     def arrays(self) -> Collisions:
         vertices, radius, center, bound, edges = zip(*self.hulls, strict=True) if self.hulls else ((),) * 5
@@ -90,12 +91,12 @@ class CollisionModel:
         start = np.cumsum([0, *sizes]).astype(np.int64)
         radius = np.array(radius, float)
         low, high = (f.reduceat(points, start[:-1]) if sizes else points for f in (np.minimum, np.maximum))
-        a, b, margin, phases = zip(*self.pairs, strict=True) if self.pairs else ((),) * 4
+        a, b, min_distance, phases = zip(*self.pairs, strict=True) if self.pairs else ((),) * 4
         a, b, speed = np.array(a, np.int64), np.array(b, np.int64), np.array(self.speeds, float)
         return Collisions(
             points, start, radius, np.array(center, float).reshape(-1, 3), np.array(bound, float),
             low - radius[:, None], high + radius[:, None], np.array(self.frames, np.int64),
-            a, b, np.array(margin, float), np.array(phases, np.int64), speed,
+            a, b, np.array(min_distance, float), np.array(phases, np.int64), speed,
             np.concatenate([NO_EDGES, *edges]), np.cumsum([0, *(len(e) for e in edges)]).astype(np.int64),
             np.maximum(speed[a] + speed[b], LEAST_SPEED),
         )  # fmt: skip

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmap_core.transforms import quaternions
-from hmap_core.types import ContactKind, ContactPoint, Gripper, HeldBody
+from hmap_core.types import AttachedBody, ContactKind, ContactPoint, Gripper
 
 # palm to fingertip centre: a tall object ends below it, m
 PALM_CLEARANCE = 0.039
@@ -25,20 +25,20 @@ class Hand:
     Attributes:
         tip: (V, 3) vertices of the convex hull of the closed fingers, or of what they hold.
         gripper: None for an arm without fingers or with a body in them; it then cannot grasp.
-        held: the body in the fingers, which touches in their place.
+        attached: the body in the fingers, which touches in their place.
         palm_clearance: from the palm to the fingertip centre, m.
         closed: opening of the closed gripper, m.
     """
 
     tip: np.ndarray
     gripper: Gripper | None
-    held: HeldBody | None = None
+    attached: AttachedBody | None = None
     palm_clearance: float = PALM_CLEARANCE
     closed: float = 0.0
 
     def friction(self, object_friction: float) -> float:
         """Lateral Coulomb coefficient of its touch on an object with this one."""
-        return object_friction if self.held is None else min(object_friction, self.held.friction)
+        return object_friction if self.attached is None else min(object_friction, self.attached.friction)
 
 
 @dataclass(frozen=True)

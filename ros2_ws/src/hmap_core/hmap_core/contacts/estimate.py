@@ -9,7 +9,7 @@ MIN_POINTS = 20  # fewer are no thing
 MAX_POINTS = 4000  # more are thinned
 SPHERE_RESIDUAL = 0.002  # m, root mean square of the points' distances from the sphere
 SPHERE_RADII = (0.005, 0.25)  # m, that are believed
-MARGIN = 0.002  # m by which shapes are made larger than what was seen
+MIN_DISTANCE = 0.002  # m by which shapes are made larger than what was seen
 YAWS = 90  # turns of a box about the vertical that are tried
 ROUNDS = 10  # of following a sphere
 OUTLIERS = 1.0  # per cent of the points at each side that count as noise
@@ -45,7 +45,7 @@ def follow_body(body: Body, points: np.ndarray, eye: np.ndarray) -> Body | None:
     (shape,) = body.shapes
     if shape.kind is not ShapeKind.SPHERE or len(points) < MIN_POINTS:
         return None
-    radius = shape.size[0] - MARGIN
+    radius = shape.size[0] - MIN_DISTANCE
     middle = points.mean(axis=0)
     center = middle + radius * (middle - eye) / np.linalg.norm(middle - eye)  # behind what is seen
     for _ in range(ROUNDS):  # Gauss-Newton on the distances from the surface
@@ -73,7 +73,7 @@ def _sphere(points: np.ndarray) -> tuple[Shape, np.ndarray] | None:
         return None
     if np.ptp(points, axis=0).max() < radius:  # a small patch of nearly flat surface fits many spheres
         return None
-    return Shape(ShapeKind.SPHERE, (radius + MARGIN,)), transforms.pose(middle + solution[:3])
+    return Shape(ShapeKind.SPHERE, (radius + MIN_DISTANCE,)), transforms.pose(middle + solution[:3])
 
 
 def _box(points: np.ndarray, floor: float) -> tuple[Shape, np.ndarray]:
@@ -90,6 +90,6 @@ def _box(points: np.ndarray, floor: float) -> tuple[Shape, np.ndarray]:
     _, yaw, a, b = best
     c, s = np.cos(yaw), np.sin(yaw)
     middle = np.array([[c, -s], [s, c]]) @ (0.5 * (a + b))
-    size = np.array([*(b - a), high - low]) + 2.0 * MARGIN
+    size = np.array([*(b - a), high - low]) + 2.0 * MIN_DISTANCE
     T = transforms.from_rpy((*middle, 0.5 * (low + high)), (0.0, 0.0, yaw))
     return Shape(ShapeKind.BOX, tuple(size.tolist())), T

@@ -9,7 +9,7 @@ from scipy.spatial import ConvexHull
 from hmap_core.collision.convex import hull_vertices
 from hmap_core.contacts.candidates import CONTACT_GAP, FEATURE, tangents
 from hmap_core.transforms import apply, rotation_matrix
-from hmap_core.types import HeldBody, Shape, ShapeKind
+from hmap_core.types import AttachedBody, Shape, ShapeKind
 
 # directions round a cylinder or capsule in which it can touch
 ROUND = 12
@@ -66,7 +66,7 @@ def facets(shapes: Sequence[Shape]) -> list[Facet]:
     return found
 
 
-def held_facets(held: HeldBody) -> list[Facet]:
+def held_facets(held: AttachedBody) -> list[Facet]:
     """The facets of what a hand holds, in the end-effector frame."""
     R = rotation_matrix(held.T_ee_body)
     return [Facet(apply(held.T_ee_body, f.vertices), R @ f.normal) for f in facets(held.shapes)]

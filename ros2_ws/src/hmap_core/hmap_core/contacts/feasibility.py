@@ -24,7 +24,7 @@ from hmap_core.komo.transcription import KomoProblem
 from hmap_core.transforms import apply, inverse, multiply, multiply_all, rotation_matrices, rotation_matrix
 from hmap_core.types import ContactKind, ContactPoint
 
-RESTARTS = 2  # random configurations tried after the home posture
+RESTARTS = 2  # random configurations tried after the home configuration
 MAX_JUMP = 0.2  # rad a joint may turn between two neighbouring poses: about a centimetre of the hand
 APPROACH_STEPS = 4  # poses between the contact and the pre-contact pose
 COARSE_POSES = 24  # places of the object's path at which the hand alone is looked at
@@ -36,7 +36,8 @@ OPENING_RESOLUTION = 1e-4  # m: contacts whose fingers open alike to this are ch
 
 @dataclass(frozen=True)
 class Feasible:
-    """A candidate that works: its index, and the postures (reach + 1, n) in contact at the object poses 0 .. reach."""
+    """A candidate that works: its index, and the configurations (reach + 1, n) in contact at the object poses 0 ..
+    reach."""
 
     index: int
     keyframes: np.ndarray
@@ -69,11 +70,11 @@ def feasible_contacts(
         if len(found) >= enough and bound[chunk[0]] <= best:
             break
         ok, q = reachable(manipulation, [contacts[k] for k in chunk], object_poses[0], rng)
-        for k, posture in zip(np.array(chunk)[ok], q[ok], strict=True):
+        for k, configuration in zip(np.array(chunk)[ok], q[ok], strict=True):
             if len(found) >= enough and bound[k] <= max(len(f.keyframes) - 1 for f in found):
                 break
             ahead = slice(0, bound[k] + 1)
-            keyframes = carried(manipulation, contacts[k], posture, object_poses[ahead], release[ahead])
+            keyframes = carried(manipulation, contacts[k], configuration, object_poses[ahead], release[ahead])
             if len(keyframes) > least:
                 found.append(Feasible(int(k), keyframes))
     return found
@@ -182,7 +183,8 @@ def alike(contacts: Sequence[ContactPoint]) -> list[list[int]]:
 def reachable(
     manipulation: Manipulation, contacts: Sequence[ContactPoint], T_world_obj: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Which contacts can be come to with the object at T_world_obj (7,): (ok (K,), postures in contact (K, n))."""
+    """Which contacts can be come to with the object at T_world_obj (7,): (ok (K,), configurations in contact (K,
+    n))."""
     n = manipulation.model.n
     ok, q = np.zeros(len(contacts), bool), np.zeros((len(contacts), n))
     chain = manipulation.model.chain
@@ -198,9 +200,9 @@ def reachable(
         for start in starts:
             initial = np.tile(start, (len(todo), 1))
             found, feasible = solve_ik_batch(problem, goal[todo], initial, initial)
-            for k, posture in zip(todo[feasible], found[feasible], strict=True):
-                if len(draw_back(manipulation, problem, contacts[members[k]], T_world_obj, posture)):
-                    ok[index[k]], q[index[k]] = True, posture
+            for k, configuration in zip(todo[feasible], found[feasible], strict=True):
+                if len(draw_back(manipulation, problem, contacts[members[k]], T_world_obj, configuration)):
+                    ok[index[k]], q[index[k]] = True, configuration
             todo = np.array([k for k in todo if not ok[index[k]]], int)
             if not len(todo):
                 break
@@ -210,10 +212,11 @@ def reachable(
 def carried(
     manipulation: Manipulation, contact: ContactPoint, q: np.ndarray, object_poses: np.ndarray, release: np.ndarray
 ) -> np.ndarray:
-    """Postures (m, n) of the robot that carries the object along object_poses (M, 7) as far as it can, and then leave.
+    """Configurations (m, n) of the robot that carries the object along object_poses (M, 7) as far as it can, and
+    then leave.
 
     Args:
-        q: (n,) posture in contact at the first pose.
+        q: (n,) configuration in contact at the first pose.
         release: (M,) poses at which the object may be let go.
     """
     holding = ik_problem(manipulation, manipulation.carrying_collisions(contact), Phase.HOLD)
@@ -236,7 +239,7 @@ def carried(
 def draw_back(
     manipulation: Manipulation, problem: KomoProblem, contact: ContactPoint, T_world_obj: np.ndarray, q: np.ndarray
 ) -> np.ndarray:
-    """As :func:`drawn_back_path`, to the pre-contact posture; none where it cannot go there."""
+    """As :func:`drawn_back_path`, to the pre-contact configuration; none where it cannot go there."""
     path = drawn_back_path(manipulation, problem, contact, T_world_obj, q)
     return path if len(path) == APPROACH_STEPS else path[:0]
 
@@ -244,11 +247,12 @@ def draw_back(
 def drawn_back_path(
     manipulation: Manipulation, problem: KomoProblem, contact: ContactPoint, T_world_obj: np.ndarray, q: np.ndarray
 ) -> np.ndarray:
-    """Postures (m, n) straight back from the contact, as far as there is room; all APPROACH_STEPS lead to pre-contact.
+    """Configurations (m, n) straight back from the contact, as far as there is room; all APPROACH_STEPS lead to
+    pre-contact.
 
     Args:
         problem: an :func:`ik_problem` of the phase in which the hand comes or goes.
-        q: (n,) posture in contact.
+        q: (n,) configuration in contact.
     """
     touching = multiply(T_world_obj, contact.T_obj_ee)
     fractions = np.arange(1, APPROACH_STEPS + 1)[:, None] / APPROACH_STEPS

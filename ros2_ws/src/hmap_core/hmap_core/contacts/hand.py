@@ -26,9 +26,9 @@ def hand_of(robot: Robot) -> Hand:
     """A robot's hand, or what it holds; an arm without fingers touches with its last link."""
     model = robot.model
     arm, gripper = load_arm(model), model.gripper
-    if model.held is not None or gripper is None:
+    if model.attached is not None or gripper is None:
         tip = arm.finger_vertices(0.0)
-        return Hand(tip if len(tip) else arm.tip_vertices(), None, model.held)
+        return Hand(tip if len(tip) else arm.tip_vertices(), None, model.attached)
     closed = gripper.min_opening
     return Hand(arm.finger_vertices(closed), gripper, None, _palm(arm), closed)
 

@@ -8,7 +8,7 @@ from hmap_core.collision.pairs import pair_distance, place_centers
 
 
 @nb.njit(**OPTIONS)
-def _free(R_obj, p_obj, R_ee, p_ee, R_tip, p_tip, mask, tip, cols, moves, R, p, centers, hints, witness, work, last):
+def _free(R_obj, p_obj, R_ee, p_ee, R_tip, p_tip, mask, tip, cols, moves, R, p, centers, guesses, witness, work, last):
     """Whether nothing fixed to the tip is too close with the end-effector at (R_ee, p_ee) of the object's frame.
 
     (R_tip, p_tip) is the tip frame in the end-effector frame; ``last`` (1,) remembers the pair found in the way.
@@ -35,7 +35,10 @@ def _free(R_obj, p_obj, R_ee, p_ee, R_tip, p_tip, mask, tip, cols, moves, R, p, 
         k = last[0] if index < 0 else moves[index]
         if k < 0 or cols.phases[k] & mask == 0:
             continue
-        if pair_distance(cols, k, R, p, centers, cols.margin[k], hints[k], witness, work) < cols.margin[k]:
+        if (
+            pair_distance(cols, k, R, p, centers, cols.min_distance[k], guesses[k], witness, work)
+            < cols.min_distance[k]
+        ):
             last[0] = k
             return False
     return True

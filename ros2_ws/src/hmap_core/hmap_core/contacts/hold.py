@@ -12,7 +12,7 @@ from hmap_core.contacts.access import on_face
 from hmap_core.contacts.solids import solids
 from hmap_core.komo.shapes import body_set
 from hmap_core.transforms import IDENTITY, rotation_matrices, rotation_matrix
-from hmap_core.types import Body, ContactKind, ContactPoint, Gripper, HeldBody
+from hmap_core.types import AttachedBody, Body, ContactKind, ContactPoint, Gripper
 from hmap_core.waypoints.support import centre_of_mass
 
 GRAVITY = 9.81  # m/s^2
@@ -35,7 +35,7 @@ def turning_share(body: Body, contacts: Sequence[ContactPoint], gripper: Gripper
     return np.where(grasps, np.abs(moment) / capacity, 0.0)
 
 
-def pushing_share(held: HeldBody, gripper: Gripper, body: Body, contacts: Sequence[ContactPoint]) -> np.ndarray:
+def pushing_share(held: AttachedBody, gripper: Gripper, body: Body, contacts: Sequence[ContactPoint]) -> np.ndarray:
     """The same (K,) where pushes of a held body against an object that slides on its support try to turn it.
 
     The support resists with at most the object's friction coefficient times its weight, along the normal.

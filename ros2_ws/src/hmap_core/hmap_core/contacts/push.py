@@ -202,7 +202,9 @@ def pushes(
     if not len(cloud):
         return None
     sets = (
-        _held_poses(slide, cloud, twists, hand, rng) if hand.held else [_finger_poses(slide, cloud, twists, hand.tip)]
+        _held_poses(slide, cloud, twists, hand, rng)
+        if hand.attached
+        else [_finger_poses(slide, cloud, twists, hand.tip)]
     )
     found = []
     for points, R, origin, feature, tip, upright, index in sets:
@@ -225,7 +227,7 @@ def pushes(
             + scoring.W_STEADY * steady
         )
         sideways = np.cross(normals, slide.up)
-        for down, aside, price in HELD_WAYS if hand.held else FINGER_WAYS:
+        for down, aside, price in HELD_WAYS if hand.attached else FINGER_WAYS:
             way = -normals - down * slide.up + aside * sideways
             approach = np.einsum("nij,ni->nj", R, way / np.linalg.norm(way, axis=1)[:, None])
             arrays = (R, origin, np.full(len(points), hand.closed), approach, points, normals, score - price)
@@ -259,9 +261,9 @@ def _held_poses(slide: Slide, cloud: Cloud, twists: np.ndarray, hand: Hand, rng:
     At the latter the middle of the facet lies where the force passes, as far as the face allows, and nothing of what is
     held is nearer to the support than HELD_GAP.
     """
-    own_up = rotation_matrix(hand.held.T_ee_body) @ hand.held.up
+    own_up = rotation_matrix(hand.attached.T_ee_body) @ hand.attached.up
     even = slide.balanced(cloud, twists)
-    for facet in held_facets(hand.held):
+    for facet in held_facets(hand.attached):
         for own, share, count in ((cloud, MIDDLE, PER_FACET), (even, 1.0, HEIGHTS)):
             R, origin, upright, index = placed(facet, own_up, own.points, own.normals, slide.up, rng, share, count)
             points = own.points[index]

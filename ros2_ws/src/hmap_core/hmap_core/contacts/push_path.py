@@ -126,7 +126,7 @@ class PushPlanner:
         self.slide = Slide(problem.body, problem.start)
         self.sides = sides(problem.body, self.slide) if self.slide.footprint else []
         self.slant = SLANT_SHARE * float(np.arctan(FRICTION_SHARE * problem.body.friction))
-        self.checker = ObjectChecker(self.problem, Geometry(self.problem), True, problem.margin)
+        self.checker = ObjectChecker(self.problem, Geometry(self.problem), True, problem.min_distance)
         # the curvature, 1/m, up to which it hardly matters how the weight rests on the support
         self._sure = UNSURE / abs(self.slide.rim_length**2 - self.slide.length**2) if self.sides else np.inf
         self._legs_left = MAX_LEGS

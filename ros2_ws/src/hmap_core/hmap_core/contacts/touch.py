@@ -22,7 +22,7 @@ def touches(
     cloud: Cloud, centre: np.ndarray, radius: float, hand: Hand, situation: Situation, rng: np.random.Generator
 ) -> Candidates:
     """Touches at every point of the cloud, in PER_POINT orientations drawn from the tilts, azimuths and rolls."""
-    found = _held_poses if hand.held else _finger_poses
+    found = _held_poses if hand.attached else _finger_poses
     toward, index, straight, placed_hand = found(cloud, rotation_matrix(situation.T_world_obj)[2], hand, rng)
     points, normals = cloud.points[index], cloud.normals[index]
     places = scoring.place(cloud.points, cloud.normals, cloud.seen, centre, radius, situation)
@@ -56,9 +56,9 @@ def _finger_poses(cloud: Cloud, up: np.ndarray, hand: Hand, rng: np.random.Gener
 
 def _held_poses(cloud: Cloud, up: np.ndarray, hand: Hand, rng: np.random.Generator):
     """The same with facets of what the hand holds, and how upright (N,) that is."""
-    own_up = rotation_matrix(hand.held.T_ee_body) @ hand.held.up
+    own_up = rotation_matrix(hand.attached.T_ee_body) @ hand.attached.up
     found = []
-    for facet in held_facets(hand.held):
+    for facet in held_facets(hand.attached):
         R, origin, upright, index = placed(facet, own_up, cloud.points, cloud.normals, up, rng)
         found.append((R, origin, index, scoring.W_UPRIGHT * upright))
     R, origin, index, upright = (np.concatenate(a) for a in zip(*found, strict=True))

@@ -3,8 +3,8 @@
 import numpy as np
 
 from hmap_core import planner
+from hmap_core.execution.attached_tool import AttachedTool
 from hmap_core.execution.closed_loop import Replanner
-from hmap_core.execution.in_hand import ToolInHand
 from hmap_core.planner.tools import grip_of
 from hmap_core.types import Plan, Scene, SceneState
 
@@ -18,7 +18,7 @@ def replanner(scene: Scene, seed: int, time_limit: float) -> Replanner:
         time_limit: seconds of wall-clock time for each.
     """
 
-    def replan(state: SceneState, attempt: int, tools: tuple[ToolInHand, ...]) -> Plan:
+    def replan(state: SceneState, attempt: int, tools: tuple[AttachedTool, ...]) -> Plan:
         own = int(np.random.SeedSequence((seed, attempt)).generate_state(1)[0])
         grip = grip_of(tools[0]) if tools else None
         return planner.plan(scene, state, seed=own, time_limit=time_limit, grip=grip)

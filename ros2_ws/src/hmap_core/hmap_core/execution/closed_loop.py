@@ -7,9 +7,9 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from hmap_core.exceptions import Code, ExecutionError, HmapError
+from hmap_core.execution.attached_tool import AttachedTool, attached_tools
 from hmap_core.execution.drift import DriftTolerance, drift_reason
 from hmap_core.execution.execute import Execution, Progress
-from hmap_core.execution.in_hand import ToolInHand, tools_in_hand
 from hmap_core.execution.measured import planned_poses, planned_state, without_noise
 from hmap_core.execution.report import Deviation, ExecutionReport
 from hmap_core.execution.stretches import Stretch
@@ -18,7 +18,7 @@ from hmap_core.simulation.world import SimulatedWorld
 from hmap_core.types import Plan, SceneState
 
 # from a state, the how-manieth new plan it is (1, 2, ...), with these tools in hands; or HmapError
-Replanner = Callable[[SceneState, int, tuple[ToolInHand, ...]], Plan]
+Replanner = Callable[[SceneState, int, tuple[AttachedTool, ...]], Plan]
 SLIP = DriftTolerance(0.004, float(np.deg2rad(3.0)))  # of a tool in a hand; beyond, it is let go and taken anew
 Between = Callable[[SimulatedWorld, Stretch], None]
 
@@ -118,7 +118,7 @@ class _ClosedLoop:
         self._on_progress: Progress | None = on_progress
         self._between: Between | None = between
         self._replans: list[Replan] = []
-        self._tools: dict[str, ToolInHand] = {}  # robot -> what it has in its hand
+        self._tools: dict[str, AttachedTool] = {}  # robot -> what it has in its hand
 
     def run(self, plan: Plan) -> ClosedLoopReport:
         plans = [plan]
@@ -179,7 +179,7 @@ class _ClosedLoop:
     def _keep_tools(self, execution: Execution, stretch: Stretch) -> None:
         """Go on with the tool in a hand where it is held as planned, else let go."""
         plan, sample = execution.plan, stretch.last
-        self._tools = tools_in_hand(plan, sample, self._tools)
+        self._tools = attached_tools(plan, sample, self._tools)
         poses = self._world.state().poses
         planned = {name: T for name, T in planned_poses(plan, sample).items() if name in stretch.held.values()}
         if len(stretch.held) != len(self._tools) or len(self._tools) > 1 or drift_reason(planned, poses, SLIP):

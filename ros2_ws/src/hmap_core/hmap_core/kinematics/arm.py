@@ -17,7 +17,7 @@ from hmap_core.kinematics.tree import forward, forward_last
 from hmap_core.kinematics.urdf import Urdf, load_urdf
 from hmap_core.scenes.urdf import MOVING, UrdfJoint
 from hmap_core.transforms import apply, from_matrix, multiply, quaternions, to_matrix
-from hmap_core.types import Gripper, HeldBody, RobotModel
+from hmap_core.types import AttachedBody, Gripper, RobotModel
 
 LINK_TOLERANCE = 0.0012  # m a simplified link hull may stick out of the true one
 FINGER_TOLERANCE = 0.00005  # m, for the parts that touch objects
@@ -187,7 +187,7 @@ class Arm:
 
 
 def _span(arm: Arm) -> float:
-    """:attr:`Arm.span`: the best of many postures, and of ever smaller changes of the best of these."""
+    """:attr:`Arm.span`: the best of many configurations, and of ever smaller changes of the best of these."""
     rng = np.random.default_rng(0)
     lower, upper = arm.model.position_limits
     Q = rng.uniform(lower, upper, (SPAN_POSTURES, arm.n))
@@ -346,7 +346,7 @@ def _check_widening(arm: Arm) -> None:
         )
 
 
-def holding(arm: Arm, held: HeldBody) -> Arm:
+def holding(arm: Arm, held: AttachedBody) -> Arm:
     """The arm with its fingers closed on a body, which touches in their place.
 
     The body's shapes are its finger hulls; the fingers are links of the hand like any other.
@@ -376,7 +376,7 @@ _HOLDING: OrderedDict[tuple, Arm] = OrderedDict()  # the last ARMS_KEPT of the a
 
 def load_arm(model: RobotModel) -> Arm:
     """The arm of a model, built once per (name, URDF file, joints, ignored pairs), with what it holds."""
-    gripper, held = model.gripper, model.held
+    gripper, held = model.gripper, model.attached
     key = (model.name, model.urdf, model.joint_names, model.ignored_collisions, model.end_effector_link)
     key += (model.T_link_ee.tobytes(), gripper)
     if key not in _ARMS:

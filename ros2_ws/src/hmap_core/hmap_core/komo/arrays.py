@@ -17,7 +17,7 @@ Samples = namedtuple("Samples", "first alpha mask")
 Options = namedtuple(
     "Options",
     "mu mu_growth mu_max tolerance outer inner iterations max_step damping step_tolerance gain_tolerance "
-    "acceleration velocity activity optimality",
+    "acceleration velocity detection_distance optimality",
 )
 # Multipliers of the terms (M, MAX_DIM), of the pairs at each sample (S, P), of the joint limits (T, n, 2), and the
 # penalty mu (1,): what a solve can be gone on with.
@@ -30,10 +30,10 @@ Model = namedtuple("Model", "H G row step alpha value weight sample pair count")
 # Scratch of one problem. Pairs that are far apart are left alone until something can have come near. Per sample:
 # seen (S, n) is the last configuration, travel (S,) bounds how far any point has moved until there, wake (S,) is the
 # travel at which the pairs have to be looked at. When they were last: centers (S, shapes, 3), turned (S, n+1, 3, 3) the
-# frames' rotations, slack (S, P) by how much each pair may still come nearer, hints (S, P, 9) see gjk.py; known (S,)
+# frames' rotations, slack (S, P) by how much each pair may still come nearer, guesses (S, P, 9) see gjk.py; known (S,)
 # says whether they ever were. moved (shapes,).
 # R, p: frames of the steps (T+2, n+1, 3, 3) where a term needs differences over steps, else of one configuration.
 Scratch = namedtuple(
     "Scratch",
-    "R p Rm pm Hs gs witness work r rk J Jk qs seen travel wake known centers turned slack hints moved",
+    "R p Rm pm Hs gs witness work r rk J Jk qs seen travel wake known centers turned slack guesses moved",
 )

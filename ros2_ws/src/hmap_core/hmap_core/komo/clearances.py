@@ -17,7 +17,7 @@ from hmap_core.collision.convex import ConvexSet, set_distance
 from hmap_core.collision.grown import GrownModel
 from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.komo.manipulation import free_opening
-from hmap_core.komo.margins import HELD_CLEARANCE, OBJECT_CLEARANCE, TOUCH_ALLOWANCE
+from hmap_core.komo.min_distances import HELD_CLEARANCE, OBJECT_CLEARANCE, TOUCH_ALLOWANCE
 from hmap_core.komo.skeleton import SkeletonEntry, Symbol
 from hmap_core.komo.surroundings import Part
 from hmap_core.komo.timeline import Place, Timeline
@@ -31,7 +31,7 @@ def mask(phases: Iterable[int]) -> int:
 
 
 def lowered(clearance: float, distance: float) -> float:
-    """The margin (m) of a pair that is asked to keep a clearance but has to come as near as ``distance``."""
+    """The minimum distance (m) of a pair that is asked to keep a clearance but has to come as near as ``distance``."""
     return clearance if distance >= clearance + TOUCH_ALLOWANCE else max(distance, 0.0) - TOUCH_ALLOWANCE
 
 

@@ -12,7 +12,7 @@ from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.kinematics.arm import Arm, load_arm
 from hmap_core.kinematics.model import KinematicModel
 from hmap_core.komo.features.pose import pose_params, relative_pose
-from hmap_core.komo.margins import HELD_CLEARANCE, OBJECT_CLEARANCE, TOUCH_ALLOWANCE
+from hmap_core.komo.min_distances import HELD_CLEARANCE, OBJECT_CLEARANCE, TOUCH_ALLOWANCE
 from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.options import IK_OPTIONS
 from hmap_core.komo.surroundings import Surroundings
@@ -59,8 +59,8 @@ def retreat_distance(contact: ContactPoint) -> float:
 def free_opening(robot: Robot, contact: ContactPoint) -> float:
     """Gripper opening while coming and going, m."""
     gripper = robot.model.gripper
-    if robot.model.held is not None:
-        return robot.model.held.opening
+    if robot.model.attached is not None:
+        return robot.model.attached.opening
     if gripper is None or contact.kind != ContactKind.GRASP:
         return contact.opening
     return min(gripper.open_opening, contact.opening + 2 * OPENING_CLEARANCE)
@@ -197,14 +197,14 @@ class Manipulation:
         """The object in places (7,), each with the bit masks of phases in which the hand is near and far from there."""
         arm, fingers, linkage = around.arms[self.robot], around.fingers[self.robot], around.linkages[self.robot]
         touching = contact.kind != ContactKind.GRASP
-        margin = -TOUCH_ALLOWANCE if touching else OBJECT_CLEARANCE
+        min_distance = -TOUCH_ALLOWANCE if touching else OBJECT_CLEARANCE
         # an arm without fingers touches with its last link
         toucher, hand = (fingers[0].shapes, arm.upper + arm.hand) if fingers else (arm.hand, arm.upper)
         hand += linkage[0].shapes if linkage else ()
         for T, near, far in places:
             standing = model.add_set(self.object, transformed(self._own, T), 0)
             model.keep_apart(hand, standing, OBJECT_CLEARANCE, near | far)
-            model.keep_apart(toucher, standing, margin, near)
+            model.keep_apart(toucher, standing, min_distance, near)
             if linkage and not touching:  # nor does it meet the object once the gripper has closed
                 model.keep_apart(linkage[1].shapes, standing, OBJECT_CLEARANCE, near)
             if far:
@@ -215,8 +215,8 @@ class Manipulation:
         held = self._add_in_hand(model, around, contact)
         nearest = around.nearest(self._own, ends, HELD_CLEARANCE)
         for name, shapes in around.standing.items():
-            margin = nearest.get(name, HELD_CLEARANCE) if name in self.scene.bodies else HELD_CLEARANCE
-            model.keep_apart(held, shapes, margin - TOUCH_ALLOWANCE, CARRIED)
+            min_distance = nearest.get(name, HELD_CLEARANCE) if name in self.scene.bodies else HELD_CLEARANCE
+            model.keep_apart(held, shapes, min_distance - TOUCH_ALLOWANCE, CARRIED)
 
     def _add_in_hand(self, model: CollisionModel, around: Surroundings, contact: ContactPoint) -> list[int]:
         """The object on the hand, which its own arm must not hit; the numbers of its shapes."""

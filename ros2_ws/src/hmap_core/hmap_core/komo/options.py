@@ -21,12 +21,14 @@ class SolverOptions:
         step_tolerance, gain_tolerance: a Newton round ends below this step (rad) or this relative decrease.
         acceleration, velocity: weights of the squared second and first differences of the path.
         substeps: collision samples per interval; 2 looks at the step and half-way to it.
-        activity: pairs nearer than their margin plus this are looked at together with those that are violated, so that
+        detection_distance: pairs nearer than their minimum distance plus this are looked at together with those that
+            are violated, so that
             a step does not run into them, m.
         optimality: a feasible path is improved until no multiplier changes by more than this times the penalty;
             infinite: the first that is feasible and nearly at rest is taken.
-        coarse, coarse_activity, coarse_tolerance: a path is solved first with about so many collision samples, with
-            this activity (m), to this tolerance (m, rad); 0 samples: not.
+        coarse, coarse_detection_distance, coarse_tolerance: a path is solved first with about so many collision
+            samples, with
+            this detection_distance (m), to this tolerance (m, rad); 0 samples: not.
         refinements: how often samples are added where a solved path comes too near between them.
     """
 
@@ -44,10 +46,10 @@ class SolverOptions:
     acceleration: float = 1.0
     velocity: float = 0.0
     substeps: int = 2
-    activity: float = 0.01
+    detection_distance: float = 0.01
     optimality: float = np.inf
     coarse: int = 20
-    coarse_activity: float = 0.08
+    coarse_detection_distance: float = 0.08
     coarse_tolerance: float = 2e-3
     refinements: int = 4
 

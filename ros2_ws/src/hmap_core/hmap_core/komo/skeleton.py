@@ -32,7 +32,7 @@ class Symbol(StrEnum):
     POSE_EQ = "pose_eq"  # (frame[, reference]): its pose (7,) there, or one per step (S, 7)
     POSITION_EQ = "position_eq"  # (frame[, reference]): its position (3,) there, or one per step (S, 3)
     ABOVE = "above"  # (object, support): stands upright on the support's top, not beyond its edges
-    HOME = "home"  # (robot, ...), all that move: their joints (n,), by default the home postures
+    HOME = "home"  # (robot, ...), all that move: their joints (n,), by default the home configurations
 
 
 FRAMES = {

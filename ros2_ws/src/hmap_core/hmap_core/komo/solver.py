@@ -31,12 +31,12 @@ NO_NUMBER = 1e300  # a merit that is not below this is no number: some target or
 ENOUGH = 0.25  # share of the last round's violation from which the penalty is left as it is
 LOOK_AHEAD = 0.01  # m beyond what matters to which a distance is found, so that a pair can be left alone for a while
 NEVER = BEYOND * BEYOND  # slack (m) of pairs that a phase does not ask for
-ROUGH = 1e-2  # m, rad: how near its target a posture has to come before its collisions are looked at
+ROUGH = 1e-2  # m, rad: how near its target a configuration has to come before its collisions are looked at
 
 
 @nb.njit(**OPTIONS)
 def new_multipliers(T, n, terms, cols, samples, mu):
-    """Multipliers to begin with: none is felt yet."""
+    """Multipliers to begin with: none is active yet."""
     return Multipliers(
         np.zeros((terms.kernel.shape[0], MAX_DIM)), np.zeros((samples.alpha.shape[0], cols.a.shape[0])),
         np.zeros((T, n, 2)), np.full(1, mu),
@@ -132,7 +132,7 @@ def _begin(cols, s, sample, mask, R, p):
                     s.turned[sample, f, x, y] = R[f, x, y]
         for k in range(P):
             slack[k] = 0.0 if phases[k] & mask else NEVER
-            s.hints[sample, k, 0] = 0
+            s.guesses[sample, k, 0] = 0
     else:
         for i in range(s.centers.shape[1]):
             for x in range(3):
@@ -144,22 +144,23 @@ def _begin(cols, s, sample, mask, R, p):
         for k in range(P):
             known = s.slack[before, k]
             slack[k] = NEVER if phases[k] & mask == 0 else (known if known < 0.5 * NEVER else 0.0)
-            for h in range(s.hints.shape[2]):
-                s.hints[sample, k, h] = s.hints[before, k, h]
+            for h in range(s.guesses.shape[2]):
+                s.guesses[sample, k, h] = s.guesses[before, k, h]
     s.known[sample] = True
 
 
 @nb.njit(**PLAIN)
-def _collide(cols, chain, s, sample, mask, t, alpha, R, p, mu, lam, activity, model):
+def _collide(cols, chain, s, sample, mask, t, alpha, R, p, mu, lam, detection_distance, model):
     """Looks at the pairs of one sample with the frames (R, p), whose multipliers are lam (P,).
 
-    Adds those nearer than their margin plus ``activity`` to the rows of the model. Returns (penalty, worst violation).
+    Adds those nearer than their minimum distance plus ``detection_distance`` to the rows of the model. Returns
+    (penalty, worst violation).
     """
     if not s.known[sample]:
         _begin(cols, s, sample, mask, R, p)
-    centers, slack, hints, w = s.centers[sample], s.slack[sample], s.hints[sample], s.witness
+    centers, slack, guesses, w = s.centers[sample], s.slack[sample], s.guesses[sample], s.witness
     move_on(cols, R, p, centers, s.turned[sample], s.moved, slack)
-    A, B, margin, bound, closing = cols.a, cols.b, cols.margin, cols.bound, cols.closing
+    A, B, min_distance, bound, closing = cols.a, cols.b, cols.min_distance, cols.bound, cols.closing
     first, prismatic = chain.first, chain.prismatic
     penalty = 0.0
     worst = -BEYOND
@@ -170,7 +171,7 @@ def _collide(cols, chain, s, sample, mask, t, alpha, R, p, mu, lam, activity, mo
             rest = min(rest, slack[k] / closing[k])
             continue
         a, b = A[k], B[k]
-        near = margin[k] + activity
+        near = min_distance[k] + detection_distance
         if not pulls:
             d0 = centers[a, 0] - centers[b, 0]
             d1 = centers[a, 1] - centers[b, 1]
@@ -180,8 +181,8 @@ def _collide(cols, chain, s, sample, mask, t, alpha, R, p, mu, lam, activity, mo
                 slack[k] = gap
                 rest = min(rest, gap / closing[k])
                 continue
-        d = pair_distance(cols, k, R, p, centers, BEYOND if pulls else near + LOOK_AHEAD, hints[k], w, s.work)
-        c = margin[k] - d
+        d = pair_distance(cols, k, R, p, centers, BEYOND if pulls else near + LOOK_AHEAD, guesses[k], w, s.work)
+        c = min_distance[k] - d
         worst = max(worst, c)
         slack[k] = d - near
         rest = 0.0 if pulls else min(rest, max(0.0, d - near) / closing[k])
@@ -358,10 +359,10 @@ def _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s, old):
     """Augmented Lagrangian at X, and its model there.
 
     With ``old``, the penalty so far, ``model`` has to be the one at X with it: the multipliers are updated by it, as
-    l += old c where that is felt, and its pairs are not looked at again.
+    l += old c where that is active, and its pairs are not looked at again.
 
     Returns (merit, cost, worst equality, worst inequality, change): the worst values are unscaled, in metres and
-    radians; change is the largest change of a multiplier over ``old``: violations, and slack where one is felt.
+    radians; change is the largest change of a multiplier over ``old``: violations, and slack where one is active.
     """
     T, n = X.shape
     mu = mult.mu[0]
@@ -398,7 +399,19 @@ def _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s, old):
             forward(qs, parent, R_joint, p_joint, prismatic, R, p)
             if awake:
                 penalty, worst = _collide(
-                    cols, chain, s, sample, masks[sample], t, alpha, R, p, mu, mult.pairs[sample], o.activity, model
+                    cols,
+                    chain,
+                    s,
+                    sample,
+                    masks[sample],
+                    t,
+                    alpha,
+                    R,
+                    p,
+                    mu,
+                    mult.pairs[sample],
+                    o.detection_distance,
+                    model,
                 )
                 merit += penalty
                 worst_ineq = max(worst_ineq, worst)
@@ -443,9 +456,9 @@ def _evaluate(X, prefix, chain, terms, cols, samples, o, mult, model, s, old):
 
 @nb.njit(**PLAIN)
 def _assemble(X, prefix, chain, mult, model, step, A, b):
-    """The normal equations A, b of the model with the inequalities that are felt after a step (T n,).
+    """The normal equations A, b of the model with the inequalities that are active after a step (T n,).
 
-    Returns how many are felt, as a checksum that tells different sets apart.
+    Returns how many are active, as a checksum that tells different sets apart.
     """
     T, n = X.shape
     mu = mult.mu[0]
@@ -454,7 +467,7 @@ def _assemble(X, prefix, chain, mult, model, step, A, b):
         for j in range(H.shape[1]):
             A[k, j] = H[k, j]
         b[k] = -G[k]
-    felt = 0
+    active = 0
     for m in range(model.count[0]):
         t, alpha, row, value, weight = model.step[m], model.alpha[m], model.row[m], model.value[m], model.weight[m]
         beta = 1.0 - alpha
@@ -467,7 +480,7 @@ def _assemble(X, prefix, chain, mult, model, step, A, b):
                 predicted += beta * row[i] * step[k - n + i]
         if predicted <= 0.0:
             continue
-        felt += (m + 1) * (m + 7)
+        active += (m + 1) * (m + 7)
         for i in range(n):
             g = weight * row[i]
             if g == 0.0:
@@ -489,17 +502,17 @@ def _assemble(X, prefix, chain, mult, model, step, A, b):
                 c = chain.lower[i] - X[t, i] if side == 0 else X[t, i] - chain.upper[i]
                 value = c + mult.limits[t, i, side] / mu
                 if value + sign * step[k] > 0.0:
-                    felt += (k + 1) * (k + 11) * (side + 3)
+                    active += (k + 1) * (k + 11) * (side + 3)
                     b[k] -= mu * value * sign
                     A[k, 0] += mu
-    return felt
+    return active
 
 
 @nb.njit(**PLAIN)
 def _model_step(X, prefix, chain, mult, model, damping, bandwidth, A, b, gradient, step):
     """The step (T n,) that minimises the model, and the gradient at X.
 
-    The model is quadratic but for the inequalities, which are felt or not; which ones is asked of the step itself,
+    The model is quadratic but for the inequalities, which are active or not; which ones is asked of the step itself,
     until that does not change (a semi-smooth Newton method [4]): a step does not run into what it did not feel before.
 
     [4] Hintermueller, Ito, Kunisch, The primal-dual active set strategy as a semismooth Newton method, 2002.
@@ -510,13 +523,13 @@ def _model_step(X, prefix, chain, mult, model, damping, bandwidth, A, b, gradien
     step[:] = 0.0
     before = 0
     for attempt in range(MODEL_ROUNDS):
-        felt = _assemble(X, prefix, chain, mult, model, step, A, b)
+        active = _assemble(X, prefix, chain, mult, model, step, A, b)
         if attempt == 0:
             for k in range(N):
                 gradient[k] = -b[k]
-        elif felt == before:
+        elif active == before:
             return True
-        before = felt
+        before = active
         for k in range(N):
             A[k, 0] += damping
         if not cholesky_solve(A, b, bandwidth):
@@ -636,7 +649,7 @@ def _solve_posture(X, prefix, chain, terms, cols, samples, o):
     n = X.shape[1]
     rough = Options(
         o.mu, o.mu_growth, o.mu_max, max(ROUGH, o.tolerance), o.outer, o.inner, o.iterations, o.max_step, o.damping,
-        o.step_tolerance, o.gain_tolerance, o.acceleration, o.velocity, o.activity, o.optimality,
+        o.step_tolerance, o.gain_tolerance, o.acceleration, o.velocity, o.detection_distance, o.optimality,
     )  # fmt: skip
     free = Samples(samples.first, samples.alpha, np.zeros_like(samples.mask))
     mult = new_multipliers(1, n, terms, cols, samples, o.mu)
@@ -810,7 +823,7 @@ def linearise(X, prefix, chain, terms, cols, samples):
         forward(q, chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R[t], p[t])
     s = Scratch(
         R, p, s.Rm, s.pm, s.Hs, s.gs, s.witness, s.work, s.r, s.rk, s.J, s.Jk, s.qs, s.seen, s.travel, s.wake,
-        s.known, s.centers, s.turned, s.slack, s.hints, s.moved,
+        s.known, s.centers, s.turned, s.slack, s.guesses, s.moved,
     )  # fmt: skip
     values, jacobians = np.zeros((M, MAX_DIM)), np.zeros((M, MAX_DIM, 3 * n))
     for m in range(M):
@@ -826,7 +839,7 @@ def linearise(X, prefix, chain, terms, cols, samples):
 
 @nb.njit(**PLAIN)
 def _nearest(
-    path, masks, chain, cols, floor, violation, pair, R, p, turned, centers, moved, slack, hints, witness, work
+    path, masks, chain, cols, floor, violation, pair, R, p, turned, centers, moved, slack, guesses, witness, work
 ):
     """:func:`path_violations` with room for everything."""
     for m in range(path.shape[0]):
@@ -837,24 +850,25 @@ def _nearest(
         for k in range(slack.shape[0]):
             if slack[k] > 0.0 or cols.phases[k] & masks[m] == 0:
                 continue
-            margin = cols.margin[k]
-            d = pair_distance(cols, k, R, p, centers, margin - floor + LOOK_AHEAD, hints[k], witness, work)
-            slack[k] = d - margin + floor
-            if margin - d > violation[m]:
-                violation[m] = margin - d
+            min_distance = cols.min_distance[k]
+            d = pair_distance(cols, k, R, p, centers, min_distance - floor + LOOK_AHEAD, guesses[k], witness, work)
+            slack[k] = d - min_distance + floor
+            if min_distance - d > violation[m]:
+                violation[m] = min_distance - d
                 pair[m] = k
 
 
 @nb.njit(**OPTIONS)
 def path_violations(path, masks, chain, cols, floor):
-    """Worst margin violation of each configuration.
+    """Worst minimum distance violation of each configuration.
 
     Args:
         path: (M, n); masks: (M,) bit mask of phases of each.
         floor: violations below this are not looked for, m.
 
     Returns:
-        (violation (M,) in metres, positive where a pair is closer than its margin; pair (M,), -1 where none > floor).
+        (violation (M,) in metres, positive where a pair is closer than its minimum distance; pair (M,), -1 where
+        none > floor).
     """
     M, n = path.shape
     P, shapes = cols.a.shape[0], cols.frame.shape[0]
@@ -872,22 +886,22 @@ def standing_margins(q, mask, chain, cols, extra):
     """Margins (P,) of the pairs, where the configuration q (n,) has less lowered to what it has, less ``extra`` (m)."""
     n = q.shape[0]
     R, p, centers = np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3)), np.zeros((cols.frame.shape[0], 3))
-    hint, witness, work = np.zeros(9, np.int16), np.zeros((3, 3)), np.zeros(WORK)
+    guess, witness, work = np.zeros(9, np.int16), np.zeros((3, 3)), np.zeros(WORK)
     forward(q, chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R, p)
     place_centers(cols, R, p, centers)
-    margin = cols.margin.copy()
-    for k in range(margin.shape[0]):
+    min_distance = cols.min_distance.copy()
+    for k in range(min_distance.shape[0]):
         if cols.phases[k] & mask:
-            hint[0] = 0
-            d = pair_distance(cols, k, R, p, centers, margin[k], hint, witness, work)
-            if d < margin[k]:
-                margin[k] = d - extra
-    return margin
+            guess[0] = 0
+            d = pair_distance(cols, k, R, p, centers, min_distance[k], guess, witness, work)
+            if d < min_distance[k]:
+                min_distance[k] = d - extra
+    return min_distance
 
 
 @nb.njit(**OPTIONS)
 def penetration(path, masks, chain, cols):
-    """Sum (m) over the configurations of a path (M, n) of their worst violations of the margins."""
+    """Sum (m) over the configurations of a path (M, n) of their worst violations of the minimum distances."""
     total = 0.0
     violation, _ = path_violations(path, masks, chain, cols, 0.0)
     for m in range(path.shape[0]):

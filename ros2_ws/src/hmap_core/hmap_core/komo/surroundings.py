@@ -9,7 +9,7 @@ from hmap_core.collision.convex import ConvexSet, from_hulls, sets_nearest, tran
 from hmap_core.collision.grown import BaseModel
 from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.kinematics.model import KinematicModel
-from hmap_core.komo.margins import ROBOT_CLEARANCE, SELF_CLEARANCE
+from hmap_core.komo.min_distances import ROBOT_CLEARANCE, SELF_CLEARANCE
 from hmap_core.komo.shapes import posed_links
 from hmap_core.transforms import apply
 from hmap_core.types import Robot, Scene, SceneState

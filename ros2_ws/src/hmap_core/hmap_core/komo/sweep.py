@@ -116,9 +116,9 @@ def _approach(cols, k, half, p, centers, motion, witness):
 
 
 @nb.njit(**PLAIN)
-def _halve(path, t, dq, k, chain, cols, resolution, q, R, p, centers, motion, pieces, hint, witness, work):
+def _halve(path, t, dq, k, chain, cols, resolution, q, R, p, centers, motion, pieces, guess, witness, work):
     """Looks closer at pair k in the interval t; returns (its worst violation in m, where in the interval)."""
-    margin, a, b = cols.margin[k], cols.a[k], cols.b[k]
+    min_distance, a, b = cols.min_distance[k], cols.a[k], cols.b[k]
     worst, where = 0.0, 0.0
     pieces[0, 0], pieces[0, 1], pieces[1, 0], pieces[1, 1] = 0.5, 1.0, 0.0, 0.5
     count = 2
@@ -138,7 +138,7 @@ def _halve(path, t, dq, k, chain, cols, resolution, q, R, p, centers, motion, pi
                 for y in range(3):
                     centers[s, x] += R[f, x, y] * cols.center[s, y]
         travel = _travel(cols, a, half, p, centers, motion) + _travel(cols, b, half, p, centers, motion)
-        slack = pair_distance(cols, k, R, p, centers, margin + travel, hint, witness, work) - margin
+        slack = pair_distance(cols, k, R, p, centers, min_distance + travel, guess, witness, work) - min_distance
         if -slack > worst:
             worst, where = -slack, middle
         if slack > travel:
@@ -154,7 +154,7 @@ def _halve(path, t, dq, k, chain, cols, resolution, q, R, p, centers, motion, pi
 @nb.njit(**PLAIN)
 def _intervals(
     path, masks, chain, cols, resolution, violation, pair, where, dq, q, R, p, R_own, p_own, turned, centers, own,
-    moved, travel, slack, motion, motion_own, pieces, hints, witness, work,
+    moved, travel, slack, motion, motion_own, pieces, guesses, witness, work,
 ):  # fmt: skip
     """:func:`between_violations` with room for everything."""
     half = 0.5
@@ -173,8 +173,8 @@ def _intervals(
             moves = travel[cols.a[k]] + travel[cols.b[k]]
             if slack[k] > moves or cols.phases[k] & masks[t] == 0:
                 continue
-            d = pair_distance(cols, k, R, p, centers, cols.margin[k] + moves, hints[k], witness, work)
-            slack[k] = d - cols.margin[k]
+            d = pair_distance(cols, k, R, p, centers, cols.min_distance[k] + moves, guesses[k], witness, work)
+            slack[k] = d - cols.min_distance[k]
             if -slack[k] > violation[t]:
                 violation[t], pair[t], where[t] = -slack[k], k, half
             if slack[k] > moves or not _approach(cols, k, half, p, centers, motion, witness) > max(
@@ -182,7 +182,7 @@ def _intervals(
             ):
                 continue
             worst, at = _halve(
-                path, t, dq, k, chain, cols, resolution, q, R_own, p_own, own, motion_own, pieces, hints[k], witness,
+                path, t, dq, k, chain, cols, resolution, q, R_own, p_own, own, motion_own, pieces, guesses[k], witness,
                 work,
             )  # fmt: skip
             if worst > violation[t]:
@@ -199,7 +199,7 @@ def _new_motion(frames):
 
 @nb.njit(**OPTIONS)
 def between_violations(path, masks, chain, cols, resolution):
-    """Worst margin violation within each interval of a path that is straight between its configurations.
+    """Worst minimum distance violation within each interval of a path that is straight between its configurations.
 
     Args:
         path: (T + 1, n); masks: (T,) bit mask of the phases of each interval.

@@ -165,7 +165,9 @@ class KomoProblem(PathProblem):
         stride = self.steps // options.coarse if options.coarse else 1
         if stride <= 1:
             return 0
-        first = replace(options, activity=options.coarse_activity, tolerance=options.coarse_tolerance)
+        first = replace(
+            options, detection_distance=options.coarse_detection_distance, tolerance=options.coarse_tolerance
+        )
         return solve(X, prefix, self.chain, terms, cols, self.coarse_samples(samples, stride), first.packed)[3]
 
     def linearise(self, path: np.ndarray, start: np.ndarray) -> Linearisation:

@@ -1,4 +1,4 @@
-"""Objectives unrolled over their steps, compiled: in Python it would take longer than to solve a posture."""
+"""Objectives unrolled over their steps, compiled: in Python it would take longer than to solve a configuration."""
 
 import numba as nb
 import numpy as np

@@ -39,7 +39,7 @@ def of_objective(problem: PathProblem, objective: Objective, component: int, off
 
 
 def of_pair(problem: PathProblem, pair: int, amount: float, at: float) -> str:
-    """A pair that is nearer than its margin by ``amount`` (m) at ``at`` steps since the start."""
+    """A pair that is nearer than its minimum distance by ``amount`` (m) at ``at`` steps since the start."""
     a, b = problem.collisions.pair_name(int(pair))
     return f"{a} and {b} closer than allowed by {amount * 1e3:.2g} mm at time {problem.time_of(at):.2f}"
 
@@ -49,7 +49,7 @@ def worst_violation(problem: PathProblem, linear: Linearisation, path: np.ndarra
 
     Args:
         linear: of the path, with the values of all objectives.
-        cols: pairs and margins that count.
+        cols: pairs and minimum distances that count.
     """
     worst, text = -np.inf, ""
     types = np.array([problem.objectives[index].type for index, _, _ in linear.rows], int)

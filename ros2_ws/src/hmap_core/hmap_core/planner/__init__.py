@@ -2,7 +2,7 @@
 
 from hmap_core.planner.algorithm import DEFAULT_TIME_LIMIT, J_MAX, Planner, plan
 from hmap_core.planner.free_motion import plan_motion
-from hmap_core.planner.interfaces import Backend, Progress, RobotContact, SegmentMotion
+from hmap_core.planner.interfaces import Backend, Progress, RobotContact, SubTrajectory
 from hmap_core.planner.local import LocalBackend
 
 __all__ = [
@@ -13,7 +13,7 @@ __all__ = [
     "Planner",
     "Progress",
     "RobotContact",
-    "SegmentMotion",
+    "SubTrajectory",
     "plan",
     "plan_motion",
 ]

@@ -15,23 +15,23 @@ from hmap_core.exceptions import Code, ContactError, HmapError, MotionError, Pla
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import preconditions
 from hmap_core.planner.assembly import assemble, scene_at
-from hmap_core.planner.clearing import Clearing, Course, Errand, RemovalError, may_go
+from hmap_core.planner.attached_path import attached_paths
 from hmap_core.planner.diagnosis import why_no_contact
 from hmap_core.planner.filters import Considerate, InHand, Reminded, Whole
-from hmap_core.planner.held_path import held_paths
 from hmap_core.planner.interfaces import (
+    AttachedPath,
     Backend,
-    Grip,
-    HeldPath,
     Progress,
     ProgressCallback,
     RobotContact,
-    SegmentMotion,
+    SubTrajectory,
+    ToolGrasp,
 )
-from hmap_core.planner.local import PHYSICAL_MARGIN, LocalBackend, placed_bodies
-from hmap_core.planner.obstruction import CONTACT_ROOM, Unhindered, in_motions, met, without
+from hmap_core.planner.local import PHYSICAL_MIN_DISTANCE, LocalBackend, placed_bodies
+from hmap_core.planner.obstacle_removal import ObstacleRemoval, RemovalError, SolutionSequence, Subgoal, may_go
+from hmap_core.planner.obstruction import CONTACT_ROOM, RelaxedSolution, in_motions, met, without
 from hmap_core.planner.sweep import motion_sweeps, object_sweep
-from hmap_core.planner.tools import holding, in_hand, put_back, tools_of
+from hmap_core.planner.tools import attach_tool, tools_of, with_tool_attached, with_tool_placed
 from hmap_core.transforms import inverse, multiply, quaternion_multiply
 from hmap_core.types import ContactPoint, Goal, Plan, Scene, SceneState, SegmentKind, TaskMode
 from hmap_core.validation import check
@@ -114,11 +114,11 @@ class Planner:
         progress: ProgressCallback | None = None,
         canceled: Callable[[], bool] | None = None,
         clouds: Mapping[str, Cloud] | None = None,
-        grip: Grip | None = None,
+        grip: ToolGrasp | None = None,
     ):
         self._as_written = state is None and grip is None
         if grip is not None:
-            state = in_hand(scene, scene.start_state() if state is None else state, grip)
+            state = with_tool_attached(scene, scene.start_state() if state is None else state, grip)
         self.scene = scene if state is None else scene_at(scene, state)
         self.start = self.scene.start_state() if state is None else state.copy()
         self.grip = grip
@@ -131,7 +131,7 @@ class Planner:
         self._progress = progress or (lambda progress: None)
         self._canceled = canceled or (lambda: False)
         self.last_failure, self.last_code = "nothing was tried yet", Code.NO_MOTION
-        self.clearing = Clearing(self)
+        self.removal = ObstacleRemoval(self)
         self.counts = {"waypoint_plans": 0, "contact_proposals": 0, "contact_tries": 0}
 
     def plan(self) -> Plan:
@@ -140,14 +140,14 @@ class Planner:
         preconditions.check_goal(self.scene, goal)
         if self._as_written:
             preconditions.check_bodies(self.scene, goal)
-        held = self.scene if self.grip is None else holding(self.scene, self.grip)
+        held = self.scene if self.grip is None else attach_tool(self.scene, self.grip)
         preconditions.check_robots(held, self.start, goal.object)
         preconditions.check_reach(self.scene, self.start, goal)
         blocked = 0
         for attempt in range(WAYPOINT_ROUNDS):
-            self.clearing.begun = 0
+            self.removal.begun = 0
             try:
-                found = self._attempt(Errand(goal), Course(self.start, grip=self.grip), attempt)
+                found = self._attempt(Subgoal(goal), SolutionSequence(self.start, grip=self.grip), attempt)
             except RemovalError:
                 blocked += 1
                 if blocked == BLOCKED_ROUNDS:
@@ -165,20 +165,22 @@ class Planner:
             self.last_code,
         )
 
-    def bring(self, errand: Errand, course: Course) -> Course:
-        """The algorithm for an obstacle: its object is brought to its goal, from where the course has come to.
+    def bring(self, subgoal: Subgoal, solution: SolutionSequence) -> SolutionSequence:
+        """The algorithm for an obstacle: its object is brought to its goal, from where the solution has come to.
 
         Raises:
             HmapError: there is no way, or it could not be gone; the last failure as reason.
         """
         self.last_failure, self.last_code = "nothing was tried yet", Code.NO_MOTION
         for attempt in range(REMOVAL_ROUNDS):
-            found = self._attempt(errand, course, attempt)
+            found = self._attempt(subgoal, solution, attempt)
             if found is not None:
                 return found[0]
         raise PlannerError(self.last_failure, self.last_code)
 
-    def _attempt(self, errand: Errand, course: Course, attempt: int) -> tuple[Course, np.ndarray] | None:
+    def _attempt(
+        self, subgoal: Subgoal, solution: SolutionSequence, attempt: int
+    ) -> tuple[SolutionSequence, np.ndarray] | None:
         """One object path, what is in its way put aside, and its segments; None when something of it fails.
 
         Raises WaypointError or InputError when there is no path, RemovalError when what is in its way cannot go,
@@ -186,9 +188,9 @@ class Planner:
         """
         tries, known = self.counts["contact_tries"], []
         for _ in range(PATHS_AT_FIRST if attempt == 0 else 1):
-            self._report("waypoints", text=f"path of '{errand.goal.object}' {errand.reason}")
+            self._report("waypoints", text=f"path of '{subgoal.goal.object}' {subgoal.reason}")
             try:
-                poses, blockers = self._way(errand, course, attempt)
+                poses, blockers = self._way(subgoal, solution, attempt)
             except NoObjectPath:
                 if not known:
                     raise
@@ -197,41 +199,43 @@ class Planner:
                 continue  # and the next one may differ
             known.append(poses)
             self.counts["waypoint_plans"] += 1
-            ready = self._cleared(errand, course, poses, blockers)
-            found = ready and self._segments(errand, ready[0], poses, ready[1])
+            ready = self._cleared(subgoal, solution, poses, blockers)
+            found = ready and self._segments(subgoal, ready[0], poses, ready[1])
             if found or blockers or self.counts["contact_tries"] > tries:
                 break
-        found = found or self._with_a_hand(errand, course, attempt)
-        for other in self._on_the_support(errand, ready[0], poses, attempt) if ready and found is None else ():
-            found = self._segments(errand, ready[0], other)
+        found = found or self._with_a_hand(subgoal, solution, attempt)
+        for other in self._on_the_support(subgoal, ready[0], poses, attempt) if ready and found is None else ():
+            found = self._segments(subgoal, ready[0], other)
             if found is not None:
                 break
-        return self._stuck(errand, poses) if found is None else found
+        return self._stuck(subgoal, poses) if found is None else found
 
-    def _cleared(self, errand: Errand, course: Course, poses: np.ndarray, blockers: tuple[str, ...]):
-        """The course once bodies on a path are out of the way, and what is known of contacts there; None: no use.
+    def _cleared(self, subgoal: Subgoal, solution: SolutionSequence, poses: np.ndarray, blockers: tuple[str, ...]):
+        """The solution once bodies on a path are out of the way, and what is known of contacts there; None: no use.
 
         Raises RemovalError.
         """
         if not blockers:
-            return course, None
-        errand.raise_if_alone(blockers[0])
-        _, known = self._unhindered(errand, course, poses, blockers)
+            return solution, None
+        subgoal.raise_if_alone(blockers[0])
+        _, known = self._relaxed(subgoal, solution, poses, blockers)
         if known is None:
             return None
-        course = self._put_down(course)
-        if course is None:
+        solution = self._place_tool(solution)
+        if solution is None:
             return None
-        blockers = met(self.scene, course.state, errand.goal.object, poses, blockers)
-        return self.clearing.clear(errand, course, known.more_than(blockers), known.ways), known
+        blockers = met(self.scene, solution.state, subgoal.goal.object, poses, blockers)
+        return self.removal.clear(subgoal, solution, known.more_than(blockers), known.ways), known
 
-    def _with_a_hand(self, errand: Errand, course: Course, attempt: int) -> tuple[Course, np.ndarray] | None:
+    def _with_a_hand(
+        self, subgoal: Subgoal, solution: SolutionSequence, attempt: int
+    ) -> tuple[SolutionSequence, np.ndarray] | None:
         """What :meth:`_attempt` makes of paths that are sought for the object and a hand that holds it."""
-        for held in self._held_ways(errand, course, attempt):
+        for held in self._attached_paths(subgoal, solution, attempt):
             self.counts["waypoint_plans"] += 1
-            own = replace(errand, held=held)
+            own = replace(subgoal, held=held)
             try:
-                ready = self._cleared(own, course, held.poses, held.blockers)
+                ready = self._cleared(own, solution, held.poses, held.blockers)
             except RemovalError as error:
                 self._failed(error)
                 continue
@@ -240,30 +244,30 @@ class Planner:
                 return found
         return None
 
-    def _held_ways(self, errand: Errand, course: Course, attempt: int) -> Iterator[HeldPath]:
+    def _attached_paths(self, subgoal: Subgoal, solution: SolutionSequence, attempt: int) -> Iterator[AttachedPath]:
         """Such paths, of one robot after the other."""
-        object, state = errand.goal.object, put_back(course.state, course.grip)
-        goal, scene = self._goal_of(errand, state, attempt), self._path_scene(errand, course, attempt)
-        self._report("waypoints", text=f"path of '{object}' in a hand {errand.reason}")
+        object, state = subgoal.goal.object, with_tool_placed(solution.state, solution.grip)
+        goal, scene = self._goal_of(subgoal, state, attempt), self._path_scene(subgoal, solution, attempt)
+        self._report("waypoints", text=f"path of '{object}' in a hand {subgoal.reason}")
         for robot in nearest_first(scene, object, state, tuple(scene.robots)):
             hands = [(robot, contact) for contact in self._hands(scene, state, goal, robot)]
-            yield from held_paths(self.backend, scene, state, goal, hands, self.rng, self._time_left())
+            yield from attached_paths(self.backend, scene, state, goal, hands, self.rng, self._time_left())
 
     def _hands(self, scene: Scene, state: SceneState, goal: Goal, robot: str) -> list[ContactPoint]:
         bare = without(scene, scene.removable)
         return self.backend.contacts_at_both_ends(bare, state, goal.object, goal.pose, robot, HANDS_TRIED, self._seed())
 
-    def _stuck(self, errand: Errand, poses: np.ndarray) -> None:
+    def _stuck(self, subgoal: Subgoal, poses: np.ndarray) -> None:
         """Looks why the task's object got stuck: raises ContactError when its goal is out of reach."""
-        if errand.depth == 0 and self.last_code == Code.NO_CONTACT:
-            self._check_reach(errand.goal, poses[-GOAL_POSES:])
+        if subgoal.depth == 0 and self.last_code == Code.NO_CONTACT:
+            self._check_reach(subgoal.goal, poses[-GOAL_POSES:])
 
-    def _way(self, errand: Errand, course: Course, attempt: int) -> tuple[np.ndarray, tuple[str, ...]]:
+    def _way(self, subgoal: Subgoal, solution: SolutionSequence, attempt: int) -> tuple[np.ndarray, tuple[str, ...]]:
         """Poses of the object on a path to its goal, and the removable bodies that are in its way."""
-        state = put_back(course.state, course.grip)
-        goal = self._goal_of(errand, state, attempt)
-        scene = self._path_scene(errand, course, attempt)
-        checks = WAYPOINT_CHECKS if errand.depth == 0 else PLACE_CHECKS
+        state = with_tool_placed(solution.state, solution.grip)
+        goal = self._goal_of(subgoal, state, attempt)
+        scene = self._path_scene(subgoal, solution, attempt)
+        checks = WAYPOINT_CHECKS if subgoal.depth == 0 else PLACE_CHECKS
         try:
             poses = self._path(scene, state, goal, checks).poses
             return self._pushable(state, goal.object, poses, attempt), ()
@@ -275,9 +279,9 @@ class Planner:
             path = self._path(without(scene, blockers), state, goal, checks)
         return path.poses, blockers
 
-    def _goal_of(self, errand: Errand, state: SceneState, attempt: int) -> Goal:
-        """The goal of an errand, turned where its tolerance allows it."""
-        goal = unturned(errand.goal, state.poses[errand.goal.object])
+    def _goal_of(self, subgoal: Subgoal, state: SceneState, attempt: int) -> Goal:
+        """The goal of an subgoal, turned where its tolerance allows it."""
+        goal = unturned(subgoal.goal, state.poses[subgoal.goal.object])
         if attempt > 0 and self.scene.mode != TaskMode.KINEMATIC:  # which directions can be pushed turns along
             goal = turned(goal, self.rng.uniform(-1.0, 1.0))
         return goal
@@ -295,18 +299,20 @@ class Planner:
         """Finds paths made of pushes from the first of the poses to the last."""
         around = placed_bodies(self.scene, state, object)
         return PushPlanner(
-            ObjectPathProblem(self.scene.bodies[object], poses[0], poses[-1], around, margin=PHYSICAL_MARGIN)
+            ObjectPathProblem(
+                self.scene.bodies[object], poses[0], poses[-1], around, min_distance=PHYSICAL_MIN_DISTANCE
+            )
         )
 
-    def _on_the_support(self, errand: Errand, course: Course, poses: np.ndarray, attempt: int):
+    def _on_the_support(self, subgoal: Subgoal, solution: SolutionSequence, poses: np.ndarray, attempt: int):
         """The path (M, 7) in other ways: with its head on the support, or made of pushes where it all lies there.
 
         Pushes may bring the object to where a hand can grip it; and few paths can be pushed as they are found. Where
         one contact has to do it all, there are none.
         """
-        if self.scene.mode == TaskMode.KINEMATIC or errand.whole:
+        if self.scene.mode == TaskMode.KINEMATIC or subgoal.whole:
             return
-        object, state = errand.goal.object, put_back(course.state, course.grip)
+        object, state = subgoal.goal.object, with_tool_placed(solution.state, solution.grip)
         around = placed_bodies(self.scene, state, object)
         slid = slid_first(ObjectPathProblem(self.scene.bodies[object], poses[0], poses[-1], around), poses)
         if slid is not None:
@@ -318,115 +324,120 @@ class Planner:
                 known.append(pushed)
                 yield pushed
 
-    def _path_scene(self, errand: Errand, course: Course, attempt: int) -> Scene:
+    def _path_scene(self, subgoal: Subgoal, solution: SolutionSequence, attempt: int) -> Scene:
         """The scene as the search for a path has to see it.
 
         Where sliding and lifting are both allowed, as they are for obstacles, every second attempt lifts.
         """
-        motion = self.scene.motion if errand.depth == 0 else "auto"
+        motion = self.scene.motion if subgoal.depth == 0 else "auto"
         if motion == "auto" and attempt % 2 == 1:
             motion = "spatial"
-        removable = {name: self.scene.removable[name] for name in may_go(self.scene, errand, course)}
+        removable = {name: self.scene.removable[name] for name in may_go(self.scene, subgoal, solution)}
         return replace(self.scene, motion=motion, removable=removable)
 
     def _path(self, scene: Scene, state: SceneState, goal: Goal, checks: int) -> ObjectPath:
         return self.backend.plan_waypoints(scene, state, goal.object, goal, self._seed(), self._time_left(), checks)
 
     def _segments(
-        self, errand: Errand, course: Course, poses: np.ndarray, known: Unhindered | None = None
-    ) -> tuple[Course, np.ndarray] | None:
+        self, subgoal: Subgoal, solution: SolutionSequence, poses: np.ndarray, known: RelaxedSolution | None = None
+    ) -> tuple[SolutionSequence, np.ndarray] | None:
         """The main loop: contacts and motions until the object is at its goal; None when a waypoint cannot be left.
 
         ``known`` is what worked at the first waypoint before obstacles were put aside.
         """
-        object, waypoints = errand.goal.object, []
+        object, waypoints = subgoal.goal.object, []
         at = 0
         while at < len(poses) - 1:
-            ahead = np.concatenate([course.state.poses[object][None], poses[at + 1 :]])
-            backend = self._backend_for(errand)
+            ahead = np.concatenate([solution.state.poses[object][None], poses[at + 1 :]])
+            backend = self._backend_for(subgoal)
             backend = backend if known is None else Reminded(backend, known, ahead)
-            step = self._step_of(self.scene, backend, object, course, ahead, (at, len(poses) - 1))
+            step = self._step_of(self.scene, backend, object, solution, ahead, (at, len(poses) - 1))
             known = None
             if step is None:
-                step, known = self._unhindered(errand, course, ahead)
+                step, known = self._relaxed(subgoal, solution, ahead)
                 if known is not None:
-                    course = self._put_down(course)
-                    if course is None:
+                    solution = self._place_tool(solution)
+                    if solution is None:
                         return None
-                    course = self.clearing.clear(errand, course, known.in_the_way, known.ways)
+                    solution = self.removal.clear(subgoal, solution, known.in_the_way, known.ways)
                     continue
             if step is None:
                 return None
-            course, reach = step
+            solution, reach = step
             at += reach
             waypoints.append(poses[at])
-        course = self._put_down(course)
-        return None if course is None else (course, np.array(waypoints).reshape(-1, 7))
+        solution = self._place_tool(solution)
+        return None if solution is None else (solution, np.array(waypoints).reshape(-1, 7))
 
-    def _unhindered(self, errand: Errand, course: Course, ahead: np.ndarray, blockers: tuple[str, ...] = ()):
+    def _relaxed(self, subgoal: Subgoal, solution: SolutionSequence, ahead: np.ndarray, blockers: tuple[str, ...] = ()):
         """What can be done at a waypoint when removable bodies are gone: only the ``blockers``, else all of them.
 
-        Returns (course and reach, None) where the motion hits none of them, (None, Unhindered) where it does, and
+        Returns (solution and reach, None) where the motion hits none of them, (None, RelaxedSolution) where it does,
+        and
         (None, None) where there is none even so.
         """
-        object, state, names = errand.goal.object, course.state, may_go(self.scene, errand, course)
+        object, state, names = subgoal.goal.object, solution.state, may_go(self.scene, subgoal, solution)
         for gone in dict.fromkeys((blockers, names)) if names else ():
             if not gone:
                 continue
             bare = without(self.scene, gone)
-            backend = Considerate(self._backend_for(errand), self.scene, gone)
-            step = self._step_of(bare, backend, object, course, ahead, (0, len(ahead) - 1))
+            backend = Considerate(self._backend_for(subgoal), self.scene, gone)
+            step = self._step_of(bare, backend, object, solution, ahead, (0, len(ahead) - 1))
             if step is None:
                 continue
-            motions = step[0].motions[len(course.motions) :]
+            motions = step[0].motions[len(solution.motions) :]
             hit = in_motions(self.scene, state, motions, gone)
             if not hit and not blockers:
                 return step, None
             ways = [object_sweep(self.scene, object, ahead)]
             ways += [way for motion in motions for way in motion_sweeps(self.scene, state, motion, CONTACT_ROOM)]
-            return None, Unhindered(backend.solved, None if backend.solved else backend.grip, hit, tuple(ways))
+            return None, RelaxedSolution(backend.solved, None if backend.solved else backend.grip, hit, tuple(ways))
         return None, None
 
-    def _backend_for(self, errand: Errand) -> Backend:
-        backend = self.backend if errand.held is None else InHand(self.backend, errand.held)
-        return Whole(backend) if errand.whole else backend
+    def _backend_for(self, subgoal: Subgoal) -> Backend:
+        backend = self.backend if subgoal.held is None else InHand(self.backend, subgoal.held)
+        return Whole(backend) if subgoal.whole else backend
 
-    def _step_of(self, scene: Scene, backend: Backend, object: str, course: Course, ahead: np.ndarray, progress):
+    def _step_of(
+        self, scene: Scene, backend: Backend, object: str, solution: SolutionSequence, ahead: np.ndarray, progress
+    ):
         """:meth:`_step` in another scene or with another backend; ``progress`` is (waypoint, of how many)."""
         other = copy(self)
         other.scene, other.backend = scene, backend
-        step = other._step(object, course, ahead, *progress)
+        step = other._step(object, solution, ahead, *progress)
         self.last_failure, self.last_code = other.last_failure, other.last_code
         return step
 
-    def _step(self, object: str, course: Course, ahead: np.ndarray, at: int, total: int):
+    def _step(self, object: str, solution: SolutionSequence, ahead: np.ndarray, at: int, total: int):
         """The inner loop: contacts at one waypoint until one gives a motion.
 
         By hand, else with a tool. With a tool in the hand a contact by hand that does not serve to the end of the path
         has to wait until that tool was asked. Where there are tools, contacts by hand that serve for less than LITTLE
-        poses are kept for the end. Returns (course, reach), or None.
+        poses are kept for the end. Returns (solution, reach), or None.
         """
-        free, robots = put_back(course.state, course.grip), tuple(self.scene.robots)
+        free, robots = with_tool_placed(solution.state, solution.grip), tuple(self.scene.robots)
 
         def by_hand(least: int, samplings: int = 1):
             return self._by_contacts(
-                object, course, self.scene, free, robots, ahead, at, total, least=least, samplings=samplings
+                object, solution, self.scene, free, robots, ahead, at, total, least=least, samplings=samplings
             )
 
         found = None
-        if course.grip is not None:
+        if solution.grip is not None:
             found = by_hand(len(ahead) - 1)
             if found is None:
-                scene = holding(self.scene, course.grip)
-                found = self._by_contacts(object, course, scene, course.state, (course.grip.robot,), ahead, at, total)
+                scene = attach_tool(self.scene, solution.grip)
+                found = self._by_contacts(
+                    object, solution, scene, solution.state, (solution.grip.robot,), ahead, at, total
+                )
         least, samplings = (min(LITTLE, len(ahead) - 1), SAMPLINGS) if tools_of(self.scene, object) else (0, 1)
-        found = found or by_hand(least, samplings) or self._by_tool(object, course, ahead, at, total)
+        found = found or by_hand(least, samplings) or self._by_tool(object, solution, ahead, at, total)
         return by_hand(0) if found is None and least else found
 
     def _by_contacts(
         self,
         object: str,
-        course: Course,
+        solution: SolutionSequence,
         scene: Scene,
         state: SceneState,
         robots,
@@ -456,7 +467,7 @@ class Planner:
                 continue
             if not contacts:
                 return None
-            ready = ready or (self._put_down(course) if scene is self.scene else course)
+            ready = ready or (self._place_tool(solution) if scene is self.scene else solution)
             if ready is None:
                 return None
             for contact in contacts:
@@ -484,67 +495,67 @@ class Planner:
         self.counts["contact_proposals"] += 1
         return contacts
 
-    def _by_tool(self, object: str, course: Course, ahead: np.ndarray, at: int, total: int):
-        """A tool that one robot takes, and with which it moves the object. Returns (course, reach), or None."""
+    def _by_tool(self, object: str, solution: SolutionSequence, ahead: np.ndarray, at: int, total: int):
+        """A tool that one robot takes, and with which it moves the object. Returns (solution, reach), or None."""
         if not tools_of(self.scene, object):
             return None
-        course = self._put_down(course)
-        if course is None:
+        solution = self._place_tool(solution)
+        if solution is None:
             return None
         self._report("contacts", at, total, text=f"tools for '{object}'")
-        grips = self.backend.grips(self.scene, course.state, object, ahead, self._seed(), self._time_left())
+        grips = self.backend.tool_grasps(self.scene, solution.state, object, ahead, self._seed(), self._time_left())
         for grip, _ in grips[:TOOLS_TRIED]:
-            scene, robots = holding(self.scene, grip), (grip.robot,)
+            scene, robots = attach_tool(self.scene, grip), (grip.robot,)
             try:
-                contacts = self._contacts(scene, course.state, object, ahead, robots, TRIES_WITH_TOOL, at, total)
+                contacts = self._contacts(scene, solution.state, object, ahead, robots, TRIES_WITH_TOOL, at, total)
                 self._report("motion", at, total, text=f"{grip.robot} takes '{grip.tool}'")
-                taken = self.backend.take(self.scene, course.state, grip, self._seed(), self._time_left())
+                taken = self.backend.pick_tool(self.scene, solution.state, grip, self._seed(), self._time_left())
             except (ContactError, MotionError) as error:
                 self._failed(error)
                 continue
-            ready = replace(course.after(taken), grip=grip)
+            ready = replace(solution.after(taken), grip=grip)
             contacts = [replace(contact, clear=()) for contact in contacts]  # who was away went home before
             found = self._by_contacts(object, ready, scene, ready.state, robots, ahead, at, total, contacts)
             if found is not None:
                 return found
         return None
 
-    def _put_down(self, course: Course) -> Course | None:
+    def _place_tool(self, solution: SolutionSequence) -> SolutionSequence | None:
         """With nothing in the hand; None where the tool cannot be put back."""
-        if course.grip is None:
-            return course
-        self._report("motion", text=f"{course.grip.robot} puts '{course.grip.tool}' down")
+        if solution.grip is None:
+            return solution
+        self._report("motion", text=f"{solution.grip.robot} puts '{solution.grip.tool}' down")
         try:
-            motion = self.backend.put_down(self.scene, course.state, course.grip, self._seed(), self._time_left())
+            motion = self.backend.place_tool(self.scene, solution.state, solution.grip, self._seed(), self._time_left())
         except MotionError as error:
             self._failed(error)
             return None
-        return replace(course.after(motion), grip=None)
+        return replace(solution.after(motion), grip=None)
 
     def _failed(self, error: HmapError) -> None:
         self.last_failure, self.last_code = str(error), error.code
 
-    def _motion(self, scene, state, object: str, contact: RobotContact, poses: np.ndarray) -> SegmentMotion | None:
+    def _motion(self, scene, state, object: str, contact: RobotContact, poses: np.ndarray) -> SubTrajectory | None:
         try:
             return self.backend.solve_segment(scene, state, object, contact, poses, self._seed(), self._time_left())
         except MotionError as error:
             self._failed(error)
             return None
 
-    def _finished(self, course: Course, waypoints: np.ndarray) -> Plan | None:
+    def _finished(self, solution: SolutionSequence, waypoints: np.ndarray) -> Plan | None:
         """The plan, once the judge has accepted it; None when it has not."""
         planning_time = time.monotonic() - self.began
-        kinds = [s.kind for m in course.motions for s in m.segments]
+        kinds = [s.kind for m in solution.motions for s in m.segments]
         stats = {
             "planning_time_s": planning_time,
             "waypoints": len(waypoints),
             "contacts": sum(kind != SegmentKind.TRANSIT for kind in kinds),
             "mode_switches": max(0, len(kinds) - 1),
-            "removals": len(course.aside),
-            "removal_depth": course.depth,
+            "removals": len(solution.aside),
+            "removal_depth": solution.depth,
             **self.counts,
         }
-        plan = assemble(self.scene, self.start, course.motions, waypoints, stats)
+        plan = assemble(self.scene, self.start, solution.motions, waypoints, stats)
         self._report("checking", len(waypoints), len(waypoints), text="the judge looks at the plan")
         report = check(to_dict(plan))
         if not report.valid:
@@ -560,7 +571,7 @@ class Planner:
 
     def _check_reach(self, goal: Goal, last_poses: np.ndarray) -> None:
         """Raises ContactError when no robot could bring the object along the last poses, whatever the way there."""
-        there = put_back(self.start, self.grip).copy()
+        there = with_tool_placed(self.start, self.grip).copy()
         scene = without(self.scene, self.scene.removable.keys() - {goal.object})
         for poses in self._ways_in(goal.object, last_poses):
             there.poses[goal.object] = poses[0]
@@ -598,11 +609,19 @@ class Planner:
         """Whether some tool in some hand could bring an object along poses (M, 7)."""
         if not tools_of(scene, object):
             return False
-        grips = self.backend.grips(scene, state, object, poses, self._seed(), self._time_left())
+        grips = self.backend.tool_grasps(scene, state, object, poses, self._seed(), self._time_left())
         for grip, _ in grips[:TOOLS_TRIED]:
             try:
                 self.backend.propose_contacts(
-                    holding(scene, grip), state, object, poses, (grip.robot,), None, 1, self._seed(), self._time_left()
+                    attach_tool(scene, grip),
+                    state,
+                    object,
+                    poses,
+                    (grip.robot,),
+                    None,
+                    1,
+                    self._seed(),
+                    self._time_left(),
                 )
                 return True
             except ContactError:

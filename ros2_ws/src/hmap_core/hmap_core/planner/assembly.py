@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hmap_core.planner.interfaces import SegmentMotion
+from hmap_core.planner.interfaces import SubTrajectory
 from hmap_core.types import BodyKind, Plan, Scene, SceneState, Segment, Trajectory
 
 
@@ -16,7 +16,7 @@ def scene_at(scene: Scene, state: SceneState) -> Scene:
     return replace(scene, bodies=bodies, robots=robots)
 
 
-def state_after(state: SceneState, motion: SegmentMotion) -> SceneState:
+def state_after(state: SceneState, motion: SubTrajectory) -> SceneState:
     """The state at the end of a motion that began in ``state``."""
     after = state.copy()
     after.q.update({name: q[-1].copy() for name, q in motion.trajectory.joints.items()})
@@ -26,7 +26,7 @@ def state_after(state: SceneState, motion: SegmentMotion) -> SceneState:
 
 
 def assemble(
-    scene: Scene, state: SceneState, motions: Sequence[SegmentMotion], waypoints: np.ndarray, stats: dict
+    scene: Scene, state: SceneState, motions: Sequence[SubTrajectory], waypoints: np.ndarray, stats: dict
 ) -> Plan:
     """The plan that starts in ``state`` and goes through all motions; neighbours share a sample."""
     movable = [name for name, body in scene.bodies.items() if body.kind != BodyKind.FIXED]

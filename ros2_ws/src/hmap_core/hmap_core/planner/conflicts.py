@@ -12,7 +12,7 @@ from hmap_core import transforms
 from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.kinematics.model import KinematicModel, PlacedArm
-from hmap_core.komo.margins import ROBOT_CLEARANCE
+from hmap_core.komo.min_distances import ROBOT_CLEARANCE
 from hmap_core.komo.shapes import body_set
 from hmap_core.komo.solver import path_violations
 from hmap_core.types import Body, BodyKind, Plan, Robot
@@ -65,7 +65,8 @@ def first_conflict(
 ) -> Conflict | None:
     """The first conflict of a plan with bodies at their poses, from a planned time on (s); None where all is free.
 
-    Between two samples that are looked at no link moves farther than STEP, which the margin makes up for in half.
+    Between two samples that are looked at no link moves farther than STEP, which the minimum distance makes up for
+    in half.
 
     Args:
         objects, robots: those of the plan that are looked at; None: all.
@@ -104,7 +105,7 @@ def _resolution(opening: np.ndarray) -> float:
 
 def _model(kinematics: KinematicModel, robot: str, bodies: Mapping[str, Body], openings: np.ndarray) -> CollisionModel:
     """The links of an arm, what moves with its gripper in phase k at the k-th opening, kept away from the bodies."""
-    model, margin = CollisionModel(), ROBOT_CLEARANCE + 0.5 * STEP
+    model, min_distance = CollisionModel(), ROBOT_CLEARANCE + 0.5 * STEP
     others = []
     for body in bodies.values():
         shapes = body_set(body)
@@ -119,7 +120,7 @@ def _model(kinematics: KinematicModel, robot: str, bodies: Mapping[str, Body], o
         moves = hull.motion is not None
         for k, opening in enumerate(openings if moves else openings[:1]):
             number = model.add(name, hull.at(opening), hull.radius, frame, hull.sphere_at(opening))
-            model.keep_apart([number], others, margin, 1 << k if moves else -1)
+            model.keep_apart([number], others, min_distance, 1 << k if moves else -1)
     return model
 
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from hmap_core.exceptions import Code, ContactError
-from hmap_core.planner.interfaces import Backend, Grip, HeldPath, RobotContact
+from hmap_core.planner.interfaces import AttachedPath, Backend, RobotContact, ToolGrasp
 from hmap_core.planner.local import away_from_home
-from hmap_core.planner.obstruction import HAND_MARGIN, Unhindered
+from hmap_core.planner.obstruction import HAND_MIN_DISTANCE, RelaxedSolution
 from hmap_core.planner.sweep import nearest, placed, robot_sweeps
 from hmap_core.types import Scene, SceneState
 
@@ -19,7 +19,7 @@ class Filter:
     def __init__(self, backend: Backend):
         self._backend = backend
         self.plan_waypoints, self.solve_segment = backend.plan_waypoints, backend.solve_segment
-        self.grips, self.take, self.put_down = backend.grips, backend.take, backend.put_down
+        self.tool_grasps, self.pick_tool, self.place_tool = backend.tool_grasps, backend.pick_tool, backend.place_tool
         self.contacts_at_both_ends = backend.contacts_at_both_ends
 
 
@@ -45,10 +45,10 @@ class Considerate(Filter):
 
     def __init__(self, backend: Backend, scene: Scene, names: Sequence[str]):
         super().__init__(backend)
-        self.solve_segment, self.take = self._solve_segment, self._take
+        self.solve_segment, self.pick_tool = self._solve_segment, self._pick_tool
         self._scene, self._names = scene, tuple(names)
         self.solved: RobotContact | None = None
-        self.grip: Grip | None = None
+        self.grip: ToolGrasp | None = None
 
     def propose_contacts(self, scene: Scene, state: SceneState, *request) -> list[RobotContact]:
         """As :meth:`hmap_core.planner.interfaces.Backend.propose_contacts`."""
@@ -58,18 +58,18 @@ class Considerate(Filter):
 
     def _solve_segment(self, scene: Scene, state: SceneState, object: str, contact: RobotContact, *request):
         motion = self._backend.solve_segment(scene, state, object, contact, *request)
-        self.solved = contact if scene.robots[contact.robot].model.held is None else None
+        self.solved = contact if scene.robots[contact.robot].model.attached is None else None
         return motion
 
-    def _take(self, scene: Scene, state: SceneState, grip: Grip, *request):
-        motion = self._backend.take(scene, state, grip, *request)
+    def _pick_tool(self, scene: Scene, state: SceneState, grip: ToolGrasp, *request):
+        motion = self._backend.pick_tool(scene, state, grip, *request)
         self.grip = grip
         return motion
 
     def _hit(self, scene: Scene, contact: RobotContact, bodies) -> dict[str, float]:
         openings = np.full(len(contact.keyframes), contact.contact.opening)
         sweeps = robot_sweeps(scene.robots[contact.robot], contact.keyframes, openings)
-        return nearest(sweeps, bodies, HAND_MARGIN)
+        return nearest(sweeps, bodies, HAND_MIN_DISTANCE)
 
 
 class Reminded(Filter):
@@ -79,9 +79,9 @@ class Reminded(Filter):
         known: a contact for the poses (M, 7) of the object, or a grip on a tool.
     """
 
-    def __init__(self, backend: Backend, known: Unhindered, poses: np.ndarray):
+    def __init__(self, backend: Backend, known: RelaxedSolution, poses: np.ndarray):
         super().__init__(backend)
-        self.grips = self._grips
+        self.tool_grasps = self._tool_grasps
         self._contact, self._grip, self._poses = known.contact, known.grip, poses
 
     def propose_contacts(self, scene: Scene, state: SceneState, object: str, poses: np.ndarray, *request):
@@ -91,19 +91,19 @@ class Reminded(Filter):
             return self._backend.propose_contacts(scene, state, object, poses, *request)
         return [replace(known, clear=away_from_home(scene, state, known.robot))]
 
-    def _grips(self, scene: Scene, state: SceneState, object: str, poses: np.ndarray, *request):
+    def _tool_grasps(self, scene: Scene, state: SceneState, object: str, poses: np.ndarray, *request):
         known, self._grip = self._grip, None
         if known is None or not np.array_equal(state.poses[known.tool], known.T_place):
-            return self._backend.grips(scene, state, object, poses, *request)
+            return self._backend.tool_grasps(scene, state, object, poses, *request)
         return [(known, len(poses) - 1)]
 
 
 class InHand(Filter):
     """A backend that hands out the contact of a held path only, once for each path that it serves to the end."""
 
-    def __init__(self, backend: Backend, held: HeldPath):
+    def __init__(self, backend: Backend, held: AttachedPath):
         super().__init__(backend)
-        self.grips = self._no_grips
+        self.tool_grasps = self._no_tool_grasps
         self._held = held
         self._handed_out: set[bytes] = set()
 
@@ -119,5 +119,5 @@ class InHand(Filter):
             raise ContactError(f"the hand of '{held.robot}' does not carry '{object}' all the way", Code.NO_CONTACT)
         return found
 
-    def _no_grips(self, *request) -> list:
+    def _no_tool_grasps(self, *request) -> list:
         return []

@@ -1,4 +1,4 @@
-"""A motion of one robot through the air, to a posture or to a pose of its end-effector, without any object."""
+"""A motion of one robot through the air, to a configuration or to a pose of its end-effector, without any object."""
 
 import time
 from itertools import cycle
@@ -10,13 +10,13 @@ from hmap_core.komo.features import pose_params
 from hmap_core.komo.ik import solve_ik_batch
 from hmap_core.komo.manipulation import Manipulation, Phase
 from hmap_core.planner import motion
-from hmap_core.planner.interfaces import SegmentMotion
+from hmap_core.planner.interfaces import SubTrajectory
 from hmap_core.types import Scene, SceneState
 
 DEFAULT_TIME_LIMIT = 10.0  # s
-IK_STARTS = 64  # random postures, beside the present one and home, from which inverse kinematics begins
-POSTURES = 8  # solutions of it that are tried as goals, the nearest first
-SAME_POSTURE = 0.05  # rad; solutions that differ by less are one
+IK_STARTS = 64  # random configurations, beside the present one and home, from which inverse kinematics begins
+CONFIGURATIONS = 8  # solutions of it that are tried as goals, the nearest first
+SAME_CONFIGURATION = 0.05  # rad; solutions that differ by less are one
 ROUNDING = 1e-4  # rad beyond a joint limit that is put down to rounding
 UNIT = 1e-4  # what the norm of a quaternion may be off 1
 
@@ -30,7 +30,7 @@ def plan_motion(
     state: SceneState | None = None,
     seed: int = 0,
     time_limit: float = DEFAULT_TIME_LIMIT,
-) -> SegmentMotion:
+) -> SubTrajectory:
     """Plans how a robot moves past all bodies and robots of a scene, which stand, with its gripper as it is.
 
     KOMO from the straight motion of the joints; where that does not work, searches by two trees
@@ -38,7 +38,7 @@ def plan_motion(
     and within the robot's limits.
 
     Args:
-        q: (n,) posture in which it has to end, rad; or
+        q: (n,) configuration in which it has to end, rad; or
         T_world_ee: (7,) pose at which its end-effector frame has to end. One of both is needed.
         state: where everything is now; None: where the scene starts.
         seed: the only source of randomness.
@@ -47,7 +47,7 @@ def plan_motion(
     Raises:
         InputError: the robot is unknown, a value has the wrong shape or is beyond the joint limits, or the robot
             stands in something at the start (START_IN_COLLISION) or at the goal (GOAL_IN_COLLISION).
-        MotionError: no posture reaches the pose (OUT_OF_REACH), or no way was found (NO_MOTION).
+        MotionError: no configuration reaches the pose (OUT_OF_REACH), or no way was found (NO_MOTION).
     """
     deadline = time.monotonic() + time_limit
     rng = np.random.default_rng(seed)
@@ -56,11 +56,11 @@ def plan_motion(
     if (q is None) == (T_world_ee is None):
         raise InputError("give one goal: q or T_world_ee")
     state = scene.start_state() if state is None else state
-    _check_posture(scene, state, robot, state.q[robot], "start", Code.START_IN_COLLISION)
+    _check_configuration(scene, state, robot, state.q[robot], "start", Code.START_IN_COLLISION)
     if q is None:
-        goals = _postures(scene, state, robot, _checked_pose(T_world_ee), rng)
+        goals = _configurations(scene, state, robot, _checked_pose(T_world_ee), rng)
     else:
-        goals = [_check_posture(scene, state, robot, np.array(q, float), "goal", Code.GOAL_IN_COLLISION)]
+        goals = [_check_configuration(scene, state, robot, np.array(q, float), "goal", Code.GOAL_IN_COLLISION)]
     for goal in cycle(goals):
         try:
             return motion.go(scene, state, robot, goal, rng, deadline - time.monotonic())
@@ -69,8 +69,11 @@ def plan_motion(
                 raise
 
 
-def _check_posture(scene: Scene, state: SceneState, robot: str, q: np.ndarray, what: str, code: Code) -> np.ndarray:
-    """The posture q (n,), within the limits to the last digit. Raises InputError where a robot cannot stand in it."""
+def _check_configuration(
+    scene: Scene, state: SceneState, robot: str, q: np.ndarray, what: str, code: Code
+) -> np.ndarray:
+    """The configuration q (n,), within the limits to the last digit. Raises InputError where a robot cannot stand in
+    it."""
     model = scene.robots[robot].model
     if q.shape != model.home.shape or not np.isfinite(q).all():
         raise InputError(f"{what} q of '{robot}' is {q.tolist()}; needed: {len(model.home)} finite joint positions")
@@ -92,8 +95,8 @@ def _checked_pose(T: np.ndarray) -> np.ndarray:
     return T
 
 
-def _postures(scene: Scene, state: SceneState, robot: str, T_world_ee: np.ndarray, rng) -> list[np.ndarray]:
-    """Free postures (n,) with the end-effector at a pose (7,), the nearest to the present one first.
+def _configurations(scene: Scene, state: SceneState, robot: str, T_world_ee: np.ndarray, rng) -> list[np.ndarray]:
+    """Free configurations (n,) with the end-effector at a pose (7,), the nearest to the present one first.
 
     Raises:
         MotionError: OUT_OF_REACH; there is none.
@@ -106,10 +109,12 @@ def _postures(scene: Scene, state: SceneState, robot: str, T_world_ee: np.ndarra
     params = np.tile(pose_params(manipulation.T_tip_ee, T_world_ee), (len(starts), 1))
     found, feasible = solve_ik_batch(problem, params, starts, starts)
     kept: list[np.ndarray] = []
-    for posture in sorted(found[feasible], key=lambda posture: float(np.abs(posture - now).max())):
-        if all(np.abs(posture - other).max() > SAME_POSTURE for other in kept):
-            kept.append(posture)
+    for configuration in sorted(found[feasible], key=lambda configuration: float(np.abs(configuration - now).max())):
+        if all(np.abs(configuration - other).max() > SAME_CONFIGURATION for other in kept):
+            kept.append(configuration)
     if not kept:
         place = ", ".join(f"{value:.3f}" for value in T_world_ee[:3])
-        raise MotionError(f"'{robot}' reaches no free posture with its end-effector at ({place})", Code.OUT_OF_REACH)
-    return kept[:POSTURES]
+        raise MotionError(
+            f"'{robot}' reaches no free configuration with its end-effector at ({place})", Code.OUT_OF_REACH
+        )
+    return kept[:CONFIGURATIONS]

@@ -8,7 +8,7 @@ from hmap_core.komo.ik import follow_ik
 from hmap_core.komo.manipulation import Manipulation, Phase
 from hmap_core.transforms import multiply_all
 
-STEP = 0.02  # m between two postures of a move
+STEP = 0.02  # m between two configurations of a move
 MAX_JUMP = 0.3  # rad a joint may turn between two of them
 
 
@@ -21,11 +21,12 @@ class HandMoves:
         self._base = manipulation.scene.robots[manipulation.robot].base_pose
 
     def poses(self, Q: np.ndarray) -> np.ndarray:
-        """World poses (M, 7) of the hand at postures (M, n)."""
+        """World poses (M, 7) of the hand at configurations (M, n)."""
         return multiply_all(self._base, self._manipulation.arm.end_effectors(Q))
 
     def along(self, q: np.ndarray, way: np.ndarray) -> np.ndarray:
-        """Postures (m + 1, n) from q (n,) as far along ``way`` (3,), in m in the world, as the arm follows; q first."""
+        """Configurations (m + 1, n) from q (n,) as far along ``way`` (3,), in m in the world, as the arm follows; q
+        first."""
         steps = max(1, int(np.ceil(np.linalg.norm(way) / STEP)))
         poses = np.repeat(self.poses(q[None]), steps, axis=0)
         poses[:, :3] += np.linspace(0.0, 1.0, steps + 1)[1:, None] * way

@@ -17,7 +17,7 @@ class RobotContact:
 
     Attributes:
         reach: index of the farthest object pose, of those asked for, to which this contact can carry the object.
-        keyframes: (reach + 1, n) postures of the robot in contact at the object poses 0 .. reach.
+        keyframes: (reach + 1, n) configurations of the robot in contact at the object poses 0 .. reach.
         clear: other robots that have to go home before.
     """
 
@@ -29,7 +29,7 @@ class RobotContact:
 
 
 @dataclass(frozen=True)
-class HeldPath:
+class AttachedPath:
     """A path of an object, and a hand that goes with it past what stands around.
 
     Attributes:
@@ -47,12 +47,12 @@ class HeldPath:
 
 
 @dataclass(frozen=True)
-class Grip:
+class ToolGrasp:
     """A hold on a tool that stands.
 
     Attributes:
         tool: its name.
-        contact: of the robot on the tool; keyframes[0] is the posture in which it is taken, and put back.
+        contact: of the robot on the tool; keyframes[0] is the configuration in which it is taken, and put back.
         T_place: (7,) where it stands.
     """
 
@@ -66,7 +66,7 @@ class Grip:
 
 
 @dataclass(frozen=True)
-class SegmentMotion:
+class SubTrajectory:
     """One iteration of the inner loop: come, touch, carry, let go, retreat.
 
     The trajectory starts at time 0 in the state it was asked for, ends at rest, and holds only the robots and objects
@@ -162,20 +162,24 @@ class Backend(Protocol):
     def solve_segment(
         self, scene: Scene, state: SceneState, object: str, contact: RobotContact, object_poses: np.ndarray, seed: int,
         time_limit: float,
-    ) -> SegmentMotion:  # fmt: skip
+    ) -> SubTrajectory:  # fmt: skip
         """KOMO from the present state to the last of object_poses (K, 7) in this contact. Raises MotionError."""
         ...
 
-    def grips(
+    def tool_grasps(
         self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, seed: int, time_limit: float
-    ) -> list[tuple[Grip, int]]:
+    ) -> list[tuple[ToolGrasp, int]]:
         """Holds on tools with which the object may be moved along object_poses (M, 7), and how far at best."""
         ...
 
-    def take(self, scene: Scene, state: SceneState, grip: Grip, seed: int, time_limit: float) -> SegmentMotion:
+    def pick_tool(
+        self, scene: Scene, state: SceneState, grip: ToolGrasp, seed: int, time_limit: float
+    ) -> SubTrajectory:
         """The motion in which a robot takes a tool and keeps it. Raises MotionError."""
         ...
 
-    def put_down(self, scene: Scene, state: SceneState, grip: Grip, seed: int, time_limit: float) -> SegmentMotion:
+    def place_tool(
+        self, scene: Scene, state: SceneState, grip: ToolGrasp, seed: int, time_limit: float
+    ) -> SubTrajectory:
         """The motion in which it puts the tool back where it took it. Raises MotionError."""
         ...

@@ -11,7 +11,7 @@ from hmap_core.komo.manipulation import GRASP_RETREAT, Manipulation, Phase, free
 from hmap_core.planner.conflicts import Conflict
 from hmap_core.planner.local import placed_bodies
 from hmap_core.planner.motion import FREE_ACCELERATION, FREE_SPEED, HOLD_ACCELERATION, HOLD_SPEED, SAMPLE_PERIOD
-from hmap_core.planner.replan import KeptSegment, contact_of, kept_segments
+from hmap_core.planner.planned_contacts import PlannedContact, contact_of, planned_contacts
 from hmap_core.simulation.controllers import JointTrajectory
 from hmap_core.types import Plan, Scene, SceneState
 from hmap_core.waypoints import standing
@@ -22,10 +22,10 @@ CORNER = 0.02  # rad between points of a way back
 CAUTION = 0.3  # s of the plan before a conflict at which everything has to stand
 
 
-def contacts(plan: Plan) -> list[KeptSegment]:
+def contacts(plan: Plan) -> list[PlannedContact]:
     """Every contact of a plan in order."""
     handled = dict.fromkeys(segment.object for segment in plan.segments if segment.object is not None)
-    return sorted((kept for name in handled for kept in kept_segments(plan, name)), key=lambda kept: kept.begin)
+    return sorted((kept for name in handled for kept in planned_contacts(plan, name)), key=lambda kept: kept.begin)
 
 
 def good_until(plan: Plan, now: float, conflict: Conflict) -> float | None:
@@ -41,13 +41,13 @@ def good_until(plan: Plan, now: float, conflict: Conflict) -> float | None:
     return max((end for end in ends if now < end <= conflict.time - CAUTION), default=None)
 
 
-def contact_at(plan: Plan, at: float) -> KeptSegment | None:
+def contact_at(plan: Plan, at: float) -> PlannedContact | None:
     """The contact that a planned time (s) belongs to, the ways there and back included."""
     k = index_at(plan.trajectory.time, at)
     return next((kept for kept in contacts(plan) if kept.first <= k <= kept.last), None)
 
 
-def clear_sample(plan: Plan, contact: KeptSegment, at: float) -> int:
+def clear_sample(plan: Plan, contact: PlannedContact, at: float) -> int:
     """The last sample, at the planned time ``at`` (s) or before it, at which the hand is not yet round the object."""
     arm = load_arm(plan.scene.robots[contact.segment.robot].model)
     q = plan.trajectory.joints[contact.segment.robot]
@@ -58,7 +58,7 @@ def clear_sample(plan: Plan, contact: KeptSegment, at: float) -> int:
     return int(rows[far[-1]]) if len(far) else contact.first
 
 
-def stable_sample(plan: Plan, contact: KeptSegment, at: float) -> int:
+def stable_sample(plan: Plan, contact: PlannedContact, at: float) -> int:
     """The nearest sample, at the planned time ``at`` (s) or before it in the contact, at which the object stands."""
     rows = np.arange(contact.begin, index_at(plan.trajectory.time, at) + 1)
     poses = plan.trajectory.objects[contact.segment.object][rows]
@@ -81,7 +81,7 @@ def state_at(plan: Plan, k: int) -> SceneState:
 
 
 def back_to(plan: Plan, robot: str, sample: int, q: np.ndarray, at: float) -> JointTrajectory | None:
-    """The way of a robot from its posture q (n,) at the planned time ``at`` back to a sample, as it came.
+    """The way of a robot from its configuration q (n,) at the planned time ``at`` back to a sample, as it came.
 
     What it holds comes along, so it moves as slowly as with an object. None where it is there already.
     """
@@ -94,7 +94,9 @@ def back_to(plan: Plan, robot: str, sample: int, q: np.ndarray, at: float) -> Jo
     return _timed(plan.scene, robot, path, HOLD_SPEED, HOLD_ACCELERATION)
 
 
-def release(scene: Scene, state: SceneState, plan: Plan, contact: KeptSegment) -> tuple[float, JointTrajectory | None]:
+def release(
+    scene: Scene, state: SceneState, plan: Plan, contact: PlannedContact
+) -> tuple[float, JointTrajectory | None]:
     """How a hand lets go of what it holds, where it is: the opening (m), then the way straight back.
 
     It goes back as far as it can without touching something; None where that is nowhere. With its fingers open it is
@@ -118,7 +120,7 @@ def release(scene: Scene, state: SceneState, plan: Plan, contact: KeptSegment) -
     return opening, _timed(scene, robot, path, FREE_SPEED, FREE_ACCELERATION)
 
 
-def held_pose(scene: Scene, state: SceneState, contact: KeptSegment) -> np.ndarray:
+def held_pose(scene: Scene, state: SceneState, contact: PlannedContact) -> np.ndarray:
     """T_world_obj (7,) of an object that is where the hand of the contact has it."""
     robot = scene.robots[contact.segment.robot]
     T_world_ee = transforms.multiply(robot.base_pose, load_arm(robot.model).end_effector(state.q[robot.name]))

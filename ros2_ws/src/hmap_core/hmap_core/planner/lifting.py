@@ -18,7 +18,7 @@ from hmap_core.komo.manipulation import Manipulation
 from hmap_core.planner.interfaces import RobotContact
 from hmap_core.transforms import multiply, pose, rotation_matrix
 from hmap_core.types import Body, ContactKind, ContactPoint, Scene, SceneState
-from hmap_core.waypoints import DEFAULT_MARGIN, ObjectPathProblem
+from hmap_core.waypoints import DEFAULT_MIN_DISTANCE, ObjectPathProblem
 from hmap_core.waypoints.checker import Geometry, ObjectChecker
 
 LIFT = 0.01  # m off the support
@@ -42,7 +42,7 @@ def lifted(
     """
     body, own = scene.bodies[object], contact.contact
     gripper = scene.robots[contact.robot].model.gripper
-    if own.kind != ContactKind.GRASP or gripper is None or scene.robots[contact.robot].model.held is not None:
+    if own.kind != ContactKind.GRASP or gripper is None or scene.robots[contact.robot].model.attached is not None:
         return contact, poses
     head, tail = _low(poses), _low(poses[::-1])
     flies, pads = np.ptp(poses[:, 2]) > LIFT, gripper.reach_at(own.opening)
@@ -52,7 +52,7 @@ def lifted(
     if turning_share(body, [own], gripper, rotation_matrix(poses[0])[2])[0] > turning:
         return contact, poses
     problem = ObjectPathProblem(body, poses[0], poses[-1], obstacles)
-    checker = ObjectChecker(problem, Geometry(problem), False, DEFAULT_MARGIN)
+    checker = ObjectChecker(problem, Geometry(problem), False, DEFAULT_MIN_DISTANCE)
     manipulation = Manipulation(scene, state, contact.robot, object)
     last = np.arange(len(poses)) == len(poses) - 1
     for ends in ((head, tail), (0, tail), (head, 0)):

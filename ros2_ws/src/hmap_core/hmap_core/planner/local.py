@@ -22,24 +22,31 @@ from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.shapes import body_set, box_round
 from hmap_core.planner import motion
-from hmap_core.planner.interfaces import Grip, RobotContact, SegmentMotion
+from hmap_core.planner.interfaces import RobotContact, SubTrajectory, ToolGrasp
 from hmap_core.planner.lifting import lifted
-from hmap_core.planner.tools import holding, spread, tools_of, within_reach
+from hmap_core.planner.tools import attach_tool, spread, tools_of, within_reach
 from hmap_core.transforms import IDENTITY, rotation_matrix
 from hmap_core.types import Body, BodyKind, ContactPoint, Goal, Scene, SceneState, TaskMode
-from hmap_core.waypoints import DEFAULT_MARGIN, NoObjectPath, ObjectPath, ObjectPathProblem, plan_waypoints, standing
+from hmap_core.waypoints import (
+    DEFAULT_MIN_DISTANCE,
+    NoObjectPath,
+    ObjectPath,
+    ObjectPathProblem,
+    plan_waypoints,
+    standing,
+)
 from hmap_core.waypoints.checker import Geometry, ObjectChecker
 
 SURFACE_POINTS = 600  # samples of the object's surface when looking at it
 BATCH = 240  # candidates checked at once
 MAX_CANDIDATES = 480  # per robot, before it is out of contacts
 ENOUGH = 2  # feasible contacts per robot after which only better ones are looked for
-STRETCH_WEIGHT = 0.7  # share of a contact's worth that is lost when the arm is stretched out
-SCORE_WEIGHT = 0.1  # poses of the path that one point of a contact's score is worth
+STRETCH_WEIGHT = 0.7  # share of a contact's contact_score that is lost when the arm is stretched out
+SCORE_WEIGHT = 0.1  # poses of the path that one point of a contact's score is contact_score
 ACCESS = 0.002  # m of room before a place of the surface that an arm without fingers, or a tool, needs
 LIFTED = 0.001  # m that a path has to rise for the object to be lifted
 PAD_BALANCE = 0.5  # of a finger's pad on an object: the narrower side of its middle to the wider
-PHYSICAL_MARGIN = 0.01  # m round an object's path, where there is room: what is pushed strays
+PHYSICAL_MIN_DISTANCE = 0.01  # m round an object's path, where there is room: what is pushed strays
 TURNING_SHARE = 0.7  # of the friction against turning in the hand that weight or pushing may use
 BOTH_ENDS_TRIED = 48  # contacts for which an arm is asked at the start and at the goal
 HOLDS_TRIED = 16  # holds on a tool for which an arm is asked
@@ -115,7 +122,7 @@ class LocalBackend:
             goal.pose,
             placed_bodies(scene, state, object),
             scene.motion,
-            DEFAULT_MARGIN if scene.mode == TaskMode.KINEMATIC else PHYSICAL_MARGIN,
+            DEFAULT_MIN_DISTANCE if scene.mode == TaskMode.KINEMATIC else PHYSICAL_MIN_DISTANCE,
             removable=frozenset(scene.removable),
         )
         rng = np.random.default_rng(seed)
@@ -168,7 +175,7 @@ class LocalBackend:
                 f"none of {looked_at} contacts on '{object}' is reachable for {', '.join(robots or scene.robots)}",
                 Code.NO_CONTACT,
             )
-        found.sort(key=lambda c: -worth(scene, c))
+        found.sort(key=lambda c: -contact_score(scene, c))
         return found[: count or None]
 
     def check_contacts(
@@ -270,7 +277,7 @@ class LocalBackend:
         object_poses: np.ndarray,
         seed: int = 0,
         time_limit: float = np.inf,
-    ) -> SegmentMotion:
+    ) -> SubTrajectory:
         """KOMO over the phases of one segment; an object that would tip when it is dragged is lifted."""
         if scene.mode == TaskMode.PHYSICAL and not (scene.motion == "planar" and object == scene.goal.object):
             around = placed_bodies(scene, state, object)
@@ -278,9 +285,9 @@ class LocalBackend:
         rng = np.random.default_rng(seed)
         return motion.solve_segment(scene, state, object, contact, object_poses, rng, time_limit)
 
-    def grips(
+    def tool_grasps(
         self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, seed: int, time_limit: float
-    ) -> list[tuple[Grip, int]]:
+    ) -> list[tuple[ToolGrasp, int]]:
         """Holds on tools with which the object may be moved along object_poses (M, 7), the farthest-reaching first.
 
         Each comes with the pose up to which hand, tool and object could go at best; the arm was asked only whether it
@@ -290,7 +297,7 @@ class LocalBackend:
         deadline = time.monotonic() + time_limit
         rng = np.random.default_rng(seed)
         least = least_reach(object_poses)
-        found: list[tuple[Grip, int, int]] = []
+        found: list[tuple[ToolGrasp, int, int]] = []
         pairs = [
             (tool, robot)
             for tool in tools_of(scene, object)
@@ -298,14 +305,14 @@ class LocalBackend:
             if within_reach(scene, state, robot, tool, object)
         ]
         holds = [
-            [Grip(tool, contact, state.poses[tool]) for contact in self._holds(scene, state, tool, robot, rng)]
+            [ToolGrasp(tool, contact, state.poses[tool]) for contact in self._holds(scene, state, tool, robot, rng)]
             for tool, robot in pairs
         ]
 
-        def bounded(grips: Sequence[Grip]) -> int:
+        def bounded(grips: Sequence[ToolGrasp]) -> int:
             best = -1
             for grip in grips:
-                bound, count = self._bound(holding(scene, grip), state, object, object_poses, grip.robot, rng)
+                bound, count = self._bound(attach_tool(scene, grip), state, object, object_poses, grip.robot, rng)
                 best = max(best, bound)
                 if bound >= least:
                     found.append((grip, bound, count))
@@ -360,15 +367,19 @@ class LocalBackend:
             cleared.q[name] = scene.robots[name].model.home.copy()
         return Manipulation(scene, cleared, robot, object), away
 
-    def take(self, scene: Scene, state: SceneState, grip: Grip, seed: int, time_limit: float) -> SegmentMotion:
+    def pick_tool(
+        self, scene: Scene, state: SceneState, grip: ToolGrasp, seed: int, time_limit: float
+    ) -> SubTrajectory:
         """The motion in which a robot takes a tool. Raises MotionError."""
         rng = np.random.default_rng(seed)
-        return motion.take(scene, state, grip.contact, grip.tool, rng, time_limit)
+        return motion.pick(scene, state, grip.contact, grip.tool, rng, time_limit)
 
-    def put_down(self, scene: Scene, state: SceneState, grip: Grip, seed: int, time_limit: float) -> SegmentMotion:
+    def place_tool(
+        self, scene: Scene, state: SceneState, grip: ToolGrasp, seed: int, time_limit: float
+    ) -> SubTrajectory:
         """The motion in which a robot puts a tool back where it took it. Raises MotionError."""
         rng = np.random.default_rng(seed)
-        return motion.put_down(scene, state, grip.contact, grip.tool, grip.T_place, rng, time_limit)
+        return motion.place(scene, state, grip.contact, grip.tool, grip.T_place, rng, time_limit)
 
     def _standing(self, body: Body, poses: np.ndarray, obstacles: Sequence[Body]) -> np.ndarray:
         """Where on its way (M, 7) a body stands by itself, (M,)."""
@@ -412,8 +423,8 @@ class LocalBackend:
                 continue
             for batch in sample_contacts(body, points, hand, scene.mode, situation, rng, BATCH):
                 total += len(batch)
-                if hand.held is not None and scene.mode == TaskMode.PHYSICAL:
-                    share = pushing_share(hand.held, placed.model.gripper, body, batch)
+                if hand.attached is not None and scene.mode == TaskMode.PHYSICAL:
+                    share = pushing_share(hand.attached, placed.model.gripper, body, batch)
                     batch = [c for c, used in zip(batch, share, strict=True) if used <= TURNING_SHARE]
                 elif hand.gripper is not None:
                     even = pad_balance(body, batch, hand.gripper)
@@ -437,7 +448,7 @@ def _reachable_everywhere(manipulation: Manipulation, contacts: list[ContactPoin
     return contacts
 
 
-def worth(scene: Scene, contact: RobotContact) -> float:
+def contact_score(scene: Scene, contact: RobotContact) -> float:
     """What contacts are ranked by: how far they carry, less where the arm has to stretch for it."""
     robot = scene.robots[contact.robot]
     arm = load_arm(robot.model)

@@ -30,13 +30,13 @@ from hmap_core.komo.solver import path_violations
 from hmap_core.komo.sweep import between_violations
 from hmap_core.komo.transcription import KomoProblem
 from hmap_core.komo.violations import VERIFY_STEP
-from hmap_core.planner.air import Air
-from hmap_core.planner.interfaces import RobotContact, SegmentMotion
+from hmap_core.planner.interfaces import RobotContact, SubTrajectory
 from hmap_core.planner.transit import resampled
+from hmap_core.planner.transit_search import TransitSearch
 from hmap_core.transforms import IDENTITY, consistent, inverse, multiply, multiply_all, pose, rotation_matrix
 from hmap_core.types import (
+    AttachedBody,
     ContactPoint,
-    HeldBody,
     Scene,
     SceneState,
     Segment,
@@ -62,14 +62,14 @@ HOLD_SPEED, HOLD_ACCELERATION = 0.2, 0.05
 CARRY_SPEED, CARRY_ACCELERATION = 0.3, 0.08  # through the air with a tool in the hand
 STANDING_DEPTH = 0.001  # m that a robot may stand inside of something when a plan begins
 LIFTS = (0.06, 0.03, 0.015)  # m that what was taken is lifted by, where there is room
-LIFT_STEP = 0.01  # m between two postures of that
+LIFT_STEP = 0.01  # m between two configurations of that
 SAME_OPENING = 1e-9  # m
 CARRYING = "carrying"  # what is said first of a motion that is wrong on the object's path
 SETTLE = 0.3  # s that the fingers get to settle after they have closed or opened
 
 
 @dataclass(frozen=True)
-class _Piece:
+class _ModeMotion:
     """A sampled stretch in one mode: q (N, n), opening (N,), and poses (N, 7) of the bodies that move along.
 
     Of a contact: the object, the manipulator and its pose (7,) in the object's frame.
@@ -93,7 +93,7 @@ def solve_segment(
     object_poses: np.ndarray,
     rng: np.random.Generator,
     time_limit: float,
-) -> SegmentMotion:
+) -> SubTrajectory:
     """Plans the motion in which ``contact`` carries the object along object_poses (K, 7), from the present state.
 
     A robot that holds a body touches the object with that, and holds it still at the end.
@@ -107,9 +107,9 @@ def solve_segment(
     return _assembled(scene, state, pieces)
 
 
-def take(
+def pick(
     scene: Scene, state: SceneState, contact: RobotContact, body: str, rng: np.random.Generator, time_limit: float
-) -> SegmentMotion:
+) -> SubTrajectory:
     """The motion in which a robot takes a body where it stands, and lifts it where there is room.
 
     Raises:
@@ -120,15 +120,15 @@ def take(
     pieces.append(_Segment(scene, cleared, body, contact, state.poses[body][None]).come(rng, deadline))
     there, opening = pieces[-1].q[-1], pieces[-1].opening[-1]
     cleared.q[contact.robot], cleared.gripper[contact.robot] = there, opening
-    holding = scene_holding(scene, contact.robot, body, contact.contact, state.poses[body])
-    pieces += _in_hand(holding, _lift_piece(holding, cleared, contact.robot, there))
+    holding = attach_body(scene, contact.robot, body, contact.contact, state.poses[body])
+    pieces += _with_attached(holding, _lift_piece(holding, cleared, contact.robot, there))
     return _assembled(scene, state, pieces)
 
 
 def come(
     scene: Scene, state: SceneState, contact: RobotContact, object: str, rng: np.random.Generator, time_limit: float
-) -> SegmentMotion:
-    """The motion in which a robot comes to a contact in exactly the posture keyframes[0], and closes its gripper.
+) -> SubTrajectory:
+    """The motion in which a robot comes to a contact in exactly the configuration keyframes[0], and closes its gripper.
 
     Raises:
         MotionError: NO_MOTION.
@@ -141,17 +141,17 @@ def come(
 
 def go(
     scene: Scene, state: SceneState, robot: str, q: np.ndarray, rng: np.random.Generator, time_limit: float
-) -> SegmentMotion:
-    """The motion of a robot to the posture q (n,), with its hand as it is.
+) -> SubTrajectory:
+    """The motion of a robot to the configuration q (n,), with its hand as it is.
 
     Raises:
         MotionError: NO_MOTION.
     """
     piece = _move(scene, state, robot, None, q, rng, time.monotonic() + time_limit)
-    return _assembled(scene, state, _in_hand(scene, piece))
+    return _assembled(scene, state, _with_attached(scene, piece))
 
 
-def put_down(
+def place(
     scene: Scene,
     state: SceneState,
     contact: RobotContact,
@@ -159,32 +159,33 @@ def put_down(
     T_place: np.ndarray,
     rng: np.random.Generator,
     time_limit: float,
-) -> SegmentMotion:
-    """The motion in which a robot puts the body in its hand down at T_place (7,), where its posture is keyframes[0].
+) -> SubTrajectory:
+    """The motion in which a robot puts the body in its hand down at T_place (7,), where its configuration is
+    keyframes[0].
 
     Raises:
         MotionError: NO_MOTION.
     """
     deadline = time.monotonic() + time_limit
     robot, place = contact.robot, contact.keyframes[0]
-    holding = scene_holding(scene, robot, body, contact.contact, T_place)
+    holding = attach_body(scene, robot, body, contact.contact, T_place)
     there = state.copy()
     there.q[robot], there.poses[body] = place, T_place
     lifted = _lifted(holding, there, robot, place)
     transit = _move(holding, state, robot, None, lifted[-1], rng, deadline)
     lowering = _lift_piece(holding, there, robot, place, lifted)
     lowering = replace(lowering, q=lowering.q[::-1])
-    pieces = [piece for own in (transit, lowering) for piece in _in_hand(holding, own)]
+    pieces = [piece for own in (transit, lowering) for piece in _with_attached(holding, own)]
     pieces.append(_Segment(scene, there, body, contact, T_place[None]).leave())
     return _assembled(scene, state, pieces)
 
 
-def scene_holding(scene: Scene, robot: str, body: str, contact: ContactPoint, T_standing: np.ndarray) -> Scene:
+def attach_body(scene: Scene, robot: str, body: str, contact: ContactPoint, T_standing: np.ndarray) -> Scene:
     """The scene in which a body that stood at T_standing (7,) is part of a robot's hand."""
     own, placed = scene.bodies[body], scene.robots[robot]
     up = rotation_matrix(T_standing)[2]
-    held = HeldBody(body, own.shapes, inverse(contact.T_obj_ee), contact.opening, own.friction, up)
-    robots = scene.robots | {robot: replace(placed, model=replace(placed.model, held=held))}
+    attached = AttachedBody(body, own.shapes, inverse(contact.T_obj_ee), contact.opening, own.friction, up)
+    robots = scene.robots | {robot: replace(placed, model=replace(placed.model, attached=attached))}
     bodies = {name: other for name, other in scene.bodies.items() if name != body}
     removable = {name: T for name, T in scene.removable.items() if name != body}
     return replace(scene, robots=robots, bodies=bodies, removable=removable)
@@ -196,18 +197,18 @@ def _made_ready(scene: Scene, state: SceneState, contact: RobotContact, object: 
     return [*pieces, *_rise_to_open(scene, cleared, contact, object)], cleared
 
 
-def _make_room(scene, state, contact: RobotContact, object: str, rng, deadline) -> tuple[list[_Piece], SceneState]:
+def _make_room(scene, state, contact: RobotContact, object: str, rng, deadline) -> tuple[list[_ModeMotion], SceneState]:
     """The pieces in which other robots go home, and the state after them."""
-    pieces: list[_Piece] = []
+    pieces: list[_ModeMotion] = []
     cleared = state.copy()
     for other in contact.clear:
         home = scene.robots[other].model.home
-        pieces += _in_hand(scene, _move(scene, cleared, other, object, home, rng, deadline))
+        pieces += _with_attached(scene, _move(scene, cleared, other, object, home, rng, deadline))
         cleared.q[other] = pieces[-1].q[-1]
     return pieces, cleared
 
 
-def _rise_to_open(scene: Scene, state: SceneState, contact: RobotContact, object: str) -> list[_Piece]:
+def _rise_to_open(scene: Scene, state: SceneState, contact: RobotContact, object: str) -> list[_ModeMotion]:
     """The piece in which a robot rises, where there is no room to open its gripper; ``state`` is where it then is."""
     robot = contact.robot
     free = free_opening(scene.robots[robot], contact.contact)
@@ -226,7 +227,8 @@ def _rise_to_open(scene: Scene, state: SceneState, contact: RobotContact, object
 
 
 def _lifted(scene: Scene, state: SceneState, robot: str, q: np.ndarray) -> np.ndarray:
-    """Postures (m, n) straight up from q, what the hand holds standing there, as far as there is room; q first."""
+    """Configurations (m, n) straight up from q, what the hand holds standing there, as far as there is room; q
+    first."""
     manipulation = Manipulation(scene, state, robot, None)
     chain = manipulation.model.chain
     cols = verification(relaxed(chain, manipulation.standing_collisions().arrays(), q, 1))
@@ -244,16 +246,18 @@ def _lifted(scene: Scene, state: SceneState, robot: str, q: np.ndarray) -> np.nd
     return q[None]
 
 
-def _lift_piece(scene: Scene, state: SceneState, robot: str, q: np.ndarray, path: np.ndarray | None = None) -> _Piece:
+def _lift_piece(
+    scene: Scene, state: SceneState, robot: str, q: np.ndarray, path: np.ndarray | None = None
+) -> _ModeMotion:
     """That way as a piece; it has one sample where there is no room to lift."""
     path = _lifted(scene, state, robot, q) if path is None else path
     timed = _timed(scene, robot, path, HOLD_SPEED, HOLD_ACCELERATION) if len(path) > 1 else path
-    return _Piece(robot, timed, np.full(len(timed), state.gripper[robot]))
+    return _ModeMotion(robot, timed, np.full(len(timed), state.gripper[robot]))
 
 
-def _in_hand(scene: Scene, piece: _Piece) -> list[_Piece]:
+def _with_attached(scene: Scene, piece: _ModeMotion) -> list[_ModeMotion]:
     """A piece of a robot, with what it holds going along: a transit holds that, a contact touches with it."""
-    held = scene.robots[piece.robot].model.held
+    held = scene.robots[piece.robot].model.attached
     if held is None:
         return [piece]
     T_ee_held = held.T_ee_body
@@ -271,7 +275,9 @@ def _end_effectors(scene: Scene, robot: str, q: np.ndarray) -> np.ndarray:
     return multiply_all(placed.base_pose, load_arm(placed.model).end_effectors(q))
 
 
-def _carry(scene, state, object: str, contact: RobotContact, object_poses: np.ndarray, rng, deadline) -> list[_Piece]:
+def _carry(
+    scene, state, object: str, contact: RobotContact, object_poses: np.ndarray, rng, deadline
+) -> list[_ModeMotion]:
     """The pieces of the segment itself, with finer steps along the object's path where coarse ones cut a corner."""
     failure = None
     for fineness in HOLD_FINENESS:
@@ -297,14 +303,14 @@ def standing_collision(
     manipulation = Manipulation(scene, state, robot, object)
     collisions = manipulation.standing_collisions(None if object is None else state.poses[object])
     cols = collisions.arrays()
-    cols = cols._replace(margin=np.full_like(cols.margin, -STANDING_DEPTH))
+    cols = cols._replace(min_distance=np.full_like(cols.min_distance, -STANDING_DEPTH))
     q = np.ascontiguousarray(state.q[robot])[None]
     excess, pair = path_violations(q, np.ones(1, np.int64), manipulation.model.chain, cols, 0.0)
     return None if pair[0] < 0 else (collisions.pair_name(int(pair[0])), float(excess[0]) + STANDING_DEPTH)
 
 
-def _move(scene: Scene, state: SceneState, robot: str, object: str | None, q: np.ndarray, rng, deadline) -> _Piece:
-    """A transit of a robot to the posture q (n,), with its hand as it is, past an object that stands."""
+def _move(scene: Scene, state: SceneState, robot: str, object: str | None, q: np.ndarray, rng, deadline) -> _ModeMotion:
+    """A transit of a robot to the configuration q (n,), with its hand as it is, past an object that stands."""
     manipulation = Manipulation(scene, state, robot, object)
     collisions = manipulation.standing_collisions(None if object is None else state.poses[object])
     start = state.q[robot]
@@ -317,21 +323,21 @@ def _move(scene: Scene, state: SceneState, robot: str, object: str | None, q: np
     path = np.concatenate([start[None], result.path]) if result.feasible else None
     if path is not None and _violation(manipulation, verification(cols), spline(path), 1)[1] >= 0:
         path = None
-    air = Air(manipulation, collisions, cols, start, q, 1)
+    air = TransitSearch(manipulation, collisions, cols, start, q, 1)
     if path is None or not air.has_room(path):
         searched = _free_as_spline(manipulation, cols, air.ways(rng, deadline, path is None))
         path = path if searched is None else searched
         if path is None:
             raise MotionError(f"robot '{robot}' finds no way to move on: {result.worst}")
     timed = _timed_free(scene, robot, path)
-    return _Piece(robot, timed, np.full(len(timed), state.gripper[robot]))
+    return _ModeMotion(robot, timed, np.full(len(timed), state.gripper[robot]))
 
 
 def _relaxed_at_ends(chain: Chain, cols: Collisions, start: np.ndarray, goal: np.ndarray) -> Collisions:
-    """The pairs with the margins that start and goal (n,) have; at the goal nothing may overlap."""
+    """The pairs with the minimum distances that start and goal (n,) have; at the goal nothing may overlap."""
     at_start = relaxed(chain, cols, start, 1)
     at_goal = relaxed(chain, at_start, goal, 1)
-    return at_goal._replace(margin=np.maximum(at_goal.margin, np.minimum(at_start.margin, 0.0)))
+    return at_goal._replace(min_distance=np.maximum(at_goal.min_distance, np.minimum(at_start.min_distance, 0.0)))
 
 
 def _free_as_spline(manipulation, cols, ways: Iterator[np.ndarray]) -> np.ndarray | None:
@@ -351,7 +357,7 @@ def _transit_steps(a: np.ndarray, b: np.ndarray) -> int:
 
 def _timed_free(scene: Scene, robot: str, path: np.ndarray) -> np.ndarray:
     """A transit, slower with something in the hand."""
-    held = scene.robots[robot].model.held is not None
+    held = scene.robots[robot].model.attached is not None
     return _timed(scene, robot, path, *(CARRY_SPEED, CARRY_ACCELERATION) if held else (FREE_SPEED, FREE_ACCELERATION))
 
 
@@ -364,7 +370,7 @@ def _timed(scene: Scene, robot: str, path: np.ndarray, speed: float, acceleratio
 def _violation(
     manipulation: Manipulation, cols: Collisions, curve: CubicSpline, phases: int, turn: float = np.inf, then: int = 0
 ) -> tuple[float, int]:
-    """Worst margin violation (m) along the spline of a path, and its pair (-1: none).
+    """Worst minimum distance violation (m) along the spline of a path, and its pair (-1: none).
 
     ``phases`` is the bit mask of phases that counts up to the chord length ``turn``, a knot; ``then`` the one after it.
     The spline is looked at as straight pieces, from which no point is farther than VERIFY_DEVIATION.
@@ -396,13 +402,13 @@ class _Segment:
         self.T_start, self.T_end = object_poses[0], object_poses[-1]
         self.collisions: CollisionModel = self.manipulation.collisions(self.contact, self.T_start, self.T_end)
 
-    def solve(self, rng: np.random.Generator, deadline: float) -> list[_Piece]:
+    def solve(self, rng: np.random.Generator, deadline: float) -> list[_ModeMotion]:
         before = self._drawn_back(self.T_start, self.keyframes[0], Phase.APPROACH)
         after = self._drawn_back(self.T_end, self.keyframes[-1], Phase.RETREAT)
         make = partial(self._problem, leaving=len(after) > 0)
         coming, carrying, leaving = self._parts(*self._searched(make, before, after, rng, deadline))
         pieces = self._coming(coming), self._carrying(carrying), self._leaving(leaving)
-        return [part for piece in pieces for part in _in_hand(self.scene, piece)]
+        return [part for piece in pieces for part in _with_attached(self.scene, piece)]
 
     def _searched(self, make, before, after, rng, deadline: float) -> tuple[KomoProblem, np.ndarray]:
         """The verified path (T, n) and its problem: from the straight way to the contact or from one found by search.
@@ -414,7 +420,7 @@ class _Segment:
         steps, mask = _transit_steps(self.start, before[-1]), bit(Phase.TRANSIT)
         problem = make(steps)
         cols = relaxed(problem.chain, problem.arrays(), self.start, mask)
-        air = Air(self.manipulation, self.collisions, cols, self.start, before[-1], mask)
+        air = TransitSearch(self.manipulation, self.collisions, cols, self.start, before[-1], mask)
         until = min(deadline, time.monotonic() + SEARCH_TIME)
         straight = self.start + np.linspace(0.0, 1.0, steps + 1)[1:, None] * (before[-1] - self.start)
         found, why = self._attempt(problem, cols, straight, before, after)
@@ -455,7 +461,7 @@ class _Segment:
     def _leaving_straight(self, problem: KomoProblem, path: np.ndarray) -> np.ndarray:
         """The path (T, n) with its retreat anew from where it lets go.
 
-        The smoothest retreat goes on as the joints moved before, if need be through another posture of the arm.
+        The smoothest retreat goes on as the joints moved before, if need be through another configuration of the arm.
         """
         end = problem.last(Phase.HOLD)
         retreating = ik_problem(self.manipulation, self.collisions, Phase.RETREAT)
@@ -463,7 +469,7 @@ class _Segment:
         return np.concatenate([path[: end + 1], after]) if len(after) else path
 
     def _guess(self, transit: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-        """The path (T, n) after the start: a transit (T0, n), then the known postures of the other phases."""
+        """The path (T, n) after the start: a transit (T0, n), then the known configurations of the other phases."""
         return np.concatenate([transit, before[-2::-1], self.keyframes, after])
 
     def _drawn_back(self, T_world_obj: np.ndarray, q: np.ndarray, phase: Phase) -> np.ndarray:
@@ -490,7 +496,7 @@ class _Segment:
         return problem
 
     def _coming_as(self, before: np.ndarray, transit_steps: int) -> KomoProblem:
-        """Coming to the keyframe through the postures (APPROACH_STEPS, n) before it, the farthest last."""
+        """Coming to the keyframe through the configurations (APPROACH_STEPS, n) before it, the farthest last."""
         steps = (transit_steps, APPROACH_STEPS, 0, 0)
         problem = KomoProblem(self.manipulation.model.chain, steps, self.collisions, _options(sum(steps)))
         for step, q in enumerate([*before[::-1], self.keyframes[0]], problem.last(Phase.TRANSIT)):
@@ -530,14 +536,14 @@ class _Segment:
             if pair >= 0
         )
 
-    def come(self, rng: np.random.Generator, deadline: float, exact: bool = False) -> _Piece:
+    def come(self, rng: np.random.Generator, deadline: float, exact: bool = False) -> _ModeMotion:
         """The transit to the contact and the closing of the gripper alone; ``exact``: just as in the keyframe."""
         before = self._drawn_back(self.T_start, self.keyframes[0], Phase.APPROACH)
         make = partial(self._coming_as, before) if exact else partial(self._problem, leaving=False)
         _, path = self._searched(make, before, self.keyframes[:0], rng, deadline)
         return self._coming(np.concatenate([self.start[None], path]))
 
-    def leave(self) -> _Piece:
+    def leave(self) -> _ModeMotion:
         """The letting go and the retreat alone, from where the robot is."""
         after = self._drawn_back(self.T_end, self.start, Phase.RETREAT)
         path = np.concatenate([self.start[None], after])
@@ -554,17 +560,17 @@ class _Segment:
         """Of the gripper while coming and going, and in contact, m."""
         robot = self.scene.robots[self.robot]
         free = free_opening(robot, self.contact)
-        return free, free if robot.model.held else self.contact.opening
+        return free, free if robot.model.attached else self.contact.opening
 
-    def _coming(self, path: np.ndarray) -> _Piece:
+    def _coming(self, path: np.ndarray) -> _ModeMotion:
         free, held = self._openings()
         q = _timed_free(self.scene, self.robot, path)
         opened = self._ramp(self.state.gripper[self.robot], free)
         closed = self._ramp(free, held)
         coming = np.concatenate([np.repeat(q[:1], len(opened), 0), q, np.repeat(q[-1:], len(closed), 0)])
-        return _Piece(self.robot, coming, np.concatenate([opened, np.full(len(q), free), closed]))
+        return _ModeMotion(self.robot, coming, np.concatenate([opened, np.full(len(q), free), closed]))
 
-    def _carrying(self, path: np.ndarray) -> _Piece:
+    def _carrying(self, path: np.ndarray) -> _ModeMotion:
         """The object hangs on the hand as they meet at the start, which is the contact within what KOMO leaves open."""
         q = _timed(self.scene, self.robot, path, HOLD_SPEED, HOLD_ACCELERATION)
         T_ee = _end_effectors(self.scene, self.robot, q)
@@ -572,14 +578,14 @@ class _Segment:
         moved = {self.object: consistent(multiply_all(T_ee, inverse(T_obj_ee)))}
         opening = np.full(len(q), self._openings()[1])
         kind = SegmentKind(self.contact.kind.value)
-        return _Piece(self.robot, q, opening, kind, self.object, None, T_obj_ee, moved)
+        return _ModeMotion(self.robot, q, opening, kind, self.object, None, T_obj_ee, moved)
 
-    def _leaving(self, path: np.ndarray) -> _Piece:
+    def _leaving(self, path: np.ndarray) -> _ModeMotion:
         free, held = self._openings()
         q = _timed_free(self.scene, self.robot, path)
         released = self._ramp(held, free)
         leaving = np.concatenate([np.repeat(q[:1], len(released), 0), q])
-        return _Piece(self.robot, leaving, np.concatenate([released, np.full(len(q), free)]))
+        return _ModeMotion(self.robot, leaving, np.concatenate([released, np.full(len(q), free)]))
 
     def _ramp(self, a: float, b: float) -> np.ndarray:
         """Openings (N,) from a to b at the gripper's speed, then at rest while it settles; nothing where a is b."""
@@ -591,7 +597,8 @@ class _Segment:
 
 
 def _thinned(object_poses: np.ndarray, keyframes: np.ndarray, fineness: float) -> tuple[np.ndarray, np.ndarray]:
-    """Every few of the dense poses (K, 7) and their postures, about ``fineness`` HOLD_STEPs apart; ends are kept."""
+    """Every few of the dense poses (K, 7) and their configurations, about ``fineness`` HOLD_STEPs apart; ends are
+    kept."""
     moved = np.linalg.norm(np.diff(object_poses[:, :3], axis=0), axis=1)
     chord = np.linalg.norm(np.diff(consistent(object_poses)[:, 3:], axis=0), axis=1)  # of half the turn
     turned = 4.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))
@@ -602,7 +609,7 @@ def _thinned(object_poses: np.ndarray, keyframes: np.ndarray, fineness: float) -
     return object_poses[keep], keyframes[: len(object_poses)][keep]
 
 
-def _assembled(scene: Scene, state: SceneState, pieces: list[_Piece]) -> SegmentMotion:
+def _assembled(scene: Scene, state: SceneState, pieces: list[_ModeMotion]) -> SubTrajectory:
     """One trajectory from the pieces; neighbouring pieces share a sample. What others hold they go on holding."""
     robots = list(dict.fromkeys(piece.robot for piece in pieces))
     bodies = list(dict.fromkeys(name for piece in pieces for name in piece.moved))
@@ -628,10 +635,10 @@ def _assembled(scene: Scene, state: SceneState, pieces: list[_Piece]) -> Segment
         segments += [
             _holding_still(scene, name, start, end)
             for name, robot in scene.robots.items()
-            if robot.model.held is not None and name != piece.robot
+            if robot.model.attached is not None and name != piece.robot
         ]
         at += new
-    return SegmentMotion(
+    return SubTrajectory(
         Trajectory(
             np.arange(at + 1) * SAMPLE_PERIOD,
             {name: np.concatenate(rows) for name, rows in q.items()},
@@ -645,4 +652,6 @@ def _assembled(scene: Scene, state: SceneState, pieces: list[_Piece]) -> Segment
 def _holding_still(scene: Scene, robot: str, start: float, end: float) -> Segment:
     model = scene.robots[robot].model
     kind = SegmentKind.TOUCH if scene.mode == TaskMode.KINEMATIC else SegmentKind.GRASP
-    return Segment(start, end, robot, model.end_effector_link, model.held.name, kind, inverse(model.held.T_ee_body))
+    return Segment(
+        start, end, robot, model.end_effector_link, model.attached.name, kind, inverse(model.attached.T_ee_body)
+    )

@@ -7,14 +7,14 @@ import numpy as np
 
 from hmap_core.collision.convex import set_distance
 from hmap_core.komo.shapes import body_set
-from hmap_core.planner.interfaces import Grip, RobotContact, SegmentMotion
+from hmap_core.planner.interfaces import RobotContact, SubTrajectory, ToolGrasp
 from hmap_core.planner.local import placed_bodies
 from hmap_core.planner.sweep import Sweep, motion_sweeps, nearest, placed
 from hmap_core.types import BodyKind, Scene, SceneState
 from hmap_core.waypoints import standing
 
 PENETRATION = 1e-3  # m that a body may be inside another, as the judge of plans allows
-HAND_MARGIN = 0.005  # m that links and what they carry keep from other bodies, and a little more
+HAND_MIN_DISTANCE = 0.005  # m that links and what they carry keep from other bodies, and a little more
 CONTACT_ROOM = 0.12  # m round a contact within which the hand's way is given: it comes and leaves straight
 LIFT = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])  # m, to where a body stands on nothing
 
@@ -39,13 +39,13 @@ def met(scene: Scene, state: SceneState, object: str, poses: np.ndarray, names: 
 
 
 def in_motions(
-    scene: Scene, state: SceneState, motions: Sequence[SegmentMotion], names: Iterable[str]
+    scene: Scene, state: SceneState, motions: Sequence[SubTrajectory], names: Iterable[str]
 ) -> tuple[str, ...]:
     """Those bodies that motions would hit: round its contacts, or on the rest of its way where there are none."""
     bodies = placed(scene, state, names)
     for room in (CONTACT_ROOM, np.inf):
         sweeps = [sweep for motion in motions for sweep in motion_sweeps(scene, state, motion, room)]
-        hit = nearest(sweeps, bodies, HAND_MARGIN)
+        hit = nearest(sweeps, bodies, HAND_MIN_DISTANCE)
         if hit:
             return tuple(hit)
     return ()
@@ -70,7 +70,7 @@ def carried_by(scene: Scene, state: SceneState, name: str) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class Unhindered:
+class RelaxedSolution:
     """How a waypoint could be left if removable bodies were gone.
 
     Attributes:
@@ -81,7 +81,7 @@ class Unhindered:
     """
 
     contact: RobotContact | None
-    grip: Grip | None
+    grip: ToolGrasp | None
     in_the_way: tuple[str, ...]
     ways: tuple[Sweep, ...]
 

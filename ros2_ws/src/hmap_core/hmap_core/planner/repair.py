@@ -1,9 +1,10 @@
 """A plan that is blocked ahead, mended: what is free of the new bodies is followed as it was, only the rest is sought.
 
-A plan is cut into errands, between which all hands are free. An errand that stays clear and begins as planned is taken
+A plan is cut into subgoals, between which all hands are free. An subgoal that stays clear and begins as planned is
+taken
 over as it is. Where only the way to its contact is blocked, or begins elsewhere, that way alone is planned anew. Where
-the hand is in the way, or the object stands a little off, the errand is optimised anew with the same contact and the
-same path of the object. What cannot be mended like that is planned anew by Algorithm 1, for this one errand.
+the hand is in the way, or the object stands a little off, the subgoal is optimised anew with the same contact and the
+same path of the object. What cannot be mended like that is planned anew by Algorithm 1, for this one subgoal.
 
 The judge looks at what is new. What was taken over it has accepted before, and it is checked against the new bodies.
 """
@@ -22,13 +23,13 @@ from hmap_core.plan_file import to_dict
 from hmap_core.planner import motion
 from hmap_core.planner.algorithm import Planner, nearest_first
 from hmap_core.planner.assembly import assemble, scene_at, state_after
-from hmap_core.planner.clearing import Course, Errand, raise_if_final
+from hmap_core.planner.attached_path import attached_paths
 from hmap_core.planner.conflicts import first_conflict, unknown_bodies
-from hmap_core.planner.held_path import held_paths
-from hmap_core.planner.interfaces import RobotContact, SegmentMotion
+from hmap_core.planner.interfaces import RobotContact, SubTrajectory
 from hmap_core.planner.interruption import state_at
-from hmap_core.planner.local import away_from_home, worth
-from hmap_core.planner.replan import KeptSegment, contact_of, kept_segments
+from hmap_core.planner.local import away_from_home, contact_score
+from hmap_core.planner.obstacle_removal import SolutionSequence, Subgoal, raise_if_final
+from hmap_core.planner.planned_contacts import PlannedContact, contact_of, planned_contacts
 from hmap_core.transforms import pose
 from hmap_core.types import (
     Body,
@@ -50,7 +51,7 @@ NEAR, NEAR_TURN = 0.01, float(np.deg2rad(5.0))  # m, rad off its path at which i
 SAME, SAME_TURN = 1e-4, 1e-3  # m, rad: an object stands where the plan has it
 SAME_JOINT = 1e-3  # rad: so does a robot
 SAME_OPENING = 1e-3  # m: so does a gripper
-HELD_CHECKS = 500  # motions checked for a path of an object in a hand; what is found there mostly takes none
+ATTACHED_CHECKS = 500  # motions checked for a path of an object in a hand; what is found there mostly takes none
 PATH_CHECKS = 20_000  # motions checked for another path of an object; what is found takes below 1000
 CONTACTS = 2  # looked for, and tried, on a path
 REST = 3  # samples at rest in a contact, with which the judge is shown a way to it
@@ -59,14 +60,14 @@ MAX_SEED = 2**31 - 1
 
 
 @dataclass(frozen=True)
-class PlannedErrand:
+class PlannedSubgoal:
     """A part of a plan that begins and ends with free hands.
 
     Attributes:
         contacts: in it, one after the other; with a tool there are several.
     """
 
-    contacts: tuple[KeptSegment, ...]
+    contacts: tuple[PlannedContact, ...]
 
     @property
     def first(self) -> int:
@@ -84,7 +85,7 @@ class PlannedErrand:
         return self.contacts[-1].last
 
     @property
-    def alone(self) -> KeptSegment | None:
+    def alone(self) -> PlannedContact | None:
         """Its contact, where it has one only."""
         return self.contacts[0] if len(self.contacts) == 1 else None
 
@@ -94,11 +95,11 @@ class PlannedErrand:
         return {kept.segment.object for kept in self.contacts}
 
 
-def planned_errands(plan: Plan) -> list[PlannedErrand]:
-    """The errands of a plan in their order."""
+def planned_subgoals(plan: Plan) -> list[PlannedSubgoal]:
+    """The subgoals of a plan in their order."""
     handled = dict.fromkeys(segment.object for segment in plan.segments if segment.object is not None)
-    contacts = sorted((kept for name in handled for kept in kept_segments(plan, name)), key=lambda kept: kept.begin)
-    groups: list[list[KeptSegment]] = []
+    contacts = sorted((kept for name in handled for kept in planned_contacts(plan, name)), key=lambda kept: kept.begin)
+    groups: list[list[PlannedContact]] = []
     for kept in contacts:
         if groups and kept.begin <= groups[-1][-1].last:
             groups[-1].append(kept)
@@ -106,7 +107,7 @@ def planned_errands(plan: Plan) -> list[PlannedErrand]:
             groups.append([kept])
     starts = [0, *(group[-1].last for group in groups)]
     return [
-        PlannedErrand((replace(group[0], first=max(start, group[0].first)), *group[1:]))
+        PlannedSubgoal((replace(group[0], first=max(start, group[0].first)), *group[1:]))
         for start, group in zip(starts, groups, strict=False)
     ]
 
@@ -115,7 +116,7 @@ class Repair:
     """One attempt at mending a plan.
 
     Attributes:
-        kept: how many errands were taken over as they were (``motions``), but for the way to their contact (``work``),
+        kept: how many subgoals were taken over as they were (``motions``), but for the way to their contact (``work``),
             with their contact and path (``contacts``); how many are done in one other contact (``paths``), and how many
             by Algorithm 1 (``planned``).
     """
@@ -131,7 +132,7 @@ class Repair:
         self._at = index_at(plan.trajectory.time, at)
         self._scene: Scene = planner.scene
         self._new = unknown_bodies(plan, self._scene.bodies)
-        self._ahead = [errand for errand in planned_errands(plan) if errand.contacts[-1].end > self._at]
+        self._ahead = [subgoal for subgoal in planned_subgoals(plan) if subgoal.contacts[-1].end > self._at]
         self.kept = {"motions": 0, "work": 0, "contacts": 0, "paths": 0, "planned": 0}
 
     def plan(self) -> Plan:
@@ -146,9 +147,9 @@ class Repair:
         began = time.thread_time()
         state, motions, shown = self._planner.start, [], []
         ways = self.taken_over, self.with_new_way, self.with_its_contact, self.in_one_contact, self.planned
-        for errand in ahead:
+        for subgoal in ahead:
             for solve in ways:
-                found = solve(errand, state)
+                found = solve(subgoal, state)
                 if found is not None:
                     break
             for part in found:
@@ -165,28 +166,32 @@ class Repair:
             "planning_time_s": planning_time,
             "planning_cpu_s": planning_cpu,
             "waypoints": len(ahead),
-            "contacts": sum(len(errand.contacts) for errand in ahead),
+            "contacts": sum(len(subgoal.contacts) for subgoal in ahead),
             "mode_switches": sum(len(part.segments) for part in motions) - 1,
         }
         return assemble(self._scene, self._planner.start, motions, goal.pose[None], stats)
 
-    # the ways in which an errand goes on, the cheapest first
+    # the ways in which an subgoal goes on, the cheapest first
 
-    def taken_over(self, errand: PlannedErrand, state: SceneState) -> "list[_Part] | None":
+    def taken_over(self, subgoal: PlannedSubgoal, state: SceneState) -> "list[_Part] | None":
         """As it was, where it begins in this state and is free."""
-        if errand.first < self._at or not self._stands(state, errand.first) or not self._objects_stand(errand, state):
+        if (
+            subgoal.first < self._at
+            or not self._stands(state, subgoal.first)
+            or not self._objects_stand(subgoal, state)
+        ):
             return None
-        if not self._free(errand, state, errand.first, errand.last):
+        if not self._free(subgoal, state, subgoal.first, subgoal.last):
             return None
         self.kept["motions"] += 1
-        return [_Part(self._copied(errand, errand.first))]
+        return [_Part(self._copied(subgoal, subgoal.first))]
 
-    def with_new_way(self, errand: PlannedErrand, state: SceneState) -> "list[_Part] | None":
+    def with_new_way(self, subgoal: PlannedSubgoal, state: SceneState) -> "list[_Part] | None":
         """As it was, but for the way to its contact."""
-        kept = errand.contacts[0]
-        if errand.begin < self._at or not self._objects_stand(errand, state):
+        kept = subgoal.contacts[0]
+        if subgoal.begin < self._at or not self._objects_stand(subgoal, state):
             return None
-        if not self._free(errand, state, errand.begin, errand.last):
+        if not self._free(subgoal, state, subgoal.begin, subgoal.last):
             return None
         robot = kept.segment.robot
         q = self._plan.trajectory.joints[robot][kept.begin]
@@ -197,15 +202,15 @@ class Repair:
         except MotionError:
             return None
         arrived = state_after(state, way)
-        if not self._stands(arrived, errand.begin):
+        if not self._stands(arrived, subgoal.begin):
             return None
         self.kept["work"] += 1
         held = _at_rest(arrived, kept.segment, self._period)
-        return [_Part(way, (way, held)), _Part(self._copied(errand, errand.begin))]
+        return [_Part(way, (way, held)), _Part(self._copied(subgoal, subgoal.begin))]
 
-    def with_its_contact(self, errand: PlannedErrand, state: SceneState) -> "list[_Part] | None":
+    def with_its_contact(self, subgoal: PlannedSubgoal, state: SceneState) -> "list[_Part] | None":
         """With the same contact along the same path of the object, from where that stands now."""
-        old, kept = self._old_path(errand, state), errand.alone
+        old, kept = self._old_path(subgoal, state), subgoal.alone
         if old is None:
             return None
         ahead, poses = old
@@ -221,14 +226,14 @@ class Repair:
         self.kept["contacts"] += 1
         return [_Part(found, (found,))]
 
-    def _old_path(self, errand: PlannedErrand, state: SceneState) -> tuple[np.ndarray, np.ndarray] | None:
-        """What is left of the path of an errand's object, where it is by hand, in one contact, and free.
+    def _old_path(self, subgoal: PlannedSubgoal, state: SceneState) -> tuple[np.ndarray, np.ndarray] | None:
+        """What is left of the path of an subgoal's object, where it is by hand, in one contact, and free.
 
         Returns:
             The samples (M,) of the plan, and the poses (M, 7), the first of which is where the object stands; what
             slides stays at the height where it is.
         """
-        kept = errand.alone
+        kept = subgoal.alone
         if kept is None or self._by_tool(kept):
             return None
         name = kept.segment.object
@@ -238,22 +243,22 @@ class Repair:
         if moved > NEAR or turned > NEAR_TURN or len(ahead) < 2:
             return None
         span = self._span(ahead[0], ahead[-1])
-        if first_conflict(self._plan, self._around(errand, state), *span, [name], robots=()) is not None:
+        if first_conflict(self._plan, self._around(subgoal, state), *span, [name], robots=()) is not None:
             return None
         here = state.poses[name]
         poses = np.array([here, *(upright(T, here) for T in rows[ahead[1:-1]]), rows[ahead[-1]]])
         return ahead, transforms.consistent(poses)
 
-    def in_one_contact(self, errand: PlannedErrand, state: SceneState) -> "list[_Part] | None":
+    def in_one_contact(self, subgoal: PlannedSubgoal, state: SceneState) -> "list[_Part] | None":
         """In one contact all the way, along the old path of the object or another one."""
-        name, goal = self._goal(errand)
-        old = self._old_path(errand, state)
-        found = None if old is not None else self._in_a_hand(errand, state, name, goal)
+        name, goal = self._goal(subgoal)
+        old = self._old_path(subgoal, state)
+        found = None if old is not None else self._in_a_hand(subgoal, state, name, goal)
         if found is not None:
             return found
         others = (path for motion in self._motions() for path in self._other_path(state, name, goal, motion))
         for poses in others if old is None else chain([old[1]], others):
-            known = None if old is not None and poses is old[1] else errand.alone  # that has been tried
+            known = None if old is not None and poses is old[1] else subgoal.alone  # that has been tried
             for contact in self._contacts(known, state, name, poses):
                 found = self._solved(state, name, contact, poses)
                 if found is not None:
@@ -261,10 +266,12 @@ class Repair:
                     return [_Part(found, (found,))]
         return None
 
-    def _in_a_hand(self, errand: PlannedErrand, state: SceneState, name: str, goal: Goal) -> "list[_Part] | None":
+    def _in_a_hand(self, subgoal: PlannedSubgoal, state: SceneState, name: str, goal: Goal) -> "list[_Part] | None":
         """In one contact, along a path that is sought for the object and the hand: the old contact's, or others."""
-        hands, backend = self._hands(errand, state, name, goal), self._planner.backend
-        for held in held_paths(backend, self._scene, state, goal, hands, self._rng(), self._time_left(), HELD_CHECKS):
+        hands, backend = self._hands(subgoal, state, name, goal), self._planner.backend
+        for held in attached_paths(
+            backend, self._scene, state, goal, hands, self._rng(), self._time_left(), ATTACHED_CHECKS
+        ):
             if held.blockers:
                 continue
             request = self._scene, state, name, held.poses, held.robot, [held.contact], self._rng()
@@ -275,9 +282,9 @@ class Repair:
                     return [_Part(found, (found,))]
         return None
 
-    def _hands(self, errand: PlannedErrand, state: SceneState, name: str, goal: Goal):
+    def _hands(self, subgoal: PlannedSubgoal, state: SceneState, name: str, goal: Goal):
         """Robots and their contacts in which they might hold an object all the way: first the old one."""
-        kept, backend = errand.alone, self._planner.backend
+        kept, backend = subgoal.alone, self._planner.backend
         if kept is not None and kept.segment.kind is not SegmentKind.PUSH and not self._by_tool(kept):
             yield kept.segment.robot, contact_of(self._plan, kept)
         for robot in nearest_first(self._scene, name, state, tuple(self._scene.robots)):
@@ -285,7 +292,7 @@ class Repair:
             for contact in backend.contacts_at_both_ends(*request):
                 yield robot, contact
 
-    def _by_tool(self, kept: KeptSegment) -> bool:
+    def _by_tool(self, kept: PlannedContact) -> bool:
         return kept.segment.manipulator in self._plan.scene.bodies
 
     def _motions(self) -> tuple[str, ...]:
@@ -302,7 +309,7 @@ class Repair:
             return []
 
     def _contacts(
-        self, kept: KeptSegment | None, state: SceneState, name: str, poses: np.ndarray
+        self, kept: PlannedContact | None, state: SceneState, name: str, poses: np.ndarray
     ) -> list[RobotContact]:
         """Contacts that carry an object along all of its poses (M, 7): the old one where it does, else others."""
         backend, last = self._planner.backend, len(poses) - 1
@@ -317,31 +324,31 @@ class Repair:
             for batch in backend.candidates(self._scene, state, name, poses, robot, rng, cloud):
                 found = backend.check_contacts(self._scene, state, name, poses, robot, batch, rng, last - 1)
                 if found or self._time_left() < 0.0:
-                    return sorted(found, key=lambda contact: -worth(self._scene, contact))[:CONTACTS]
+                    return sorted(found, key=lambda contact: -contact_score(self._scene, contact))[:CONTACTS]
         return []
 
-    def planned(self, errand: PlannedErrand, state: SceneState) -> "list[_Part]":
+    def planned(self, subgoal: PlannedSubgoal, state: SceneState) -> "list[_Part]":
         """By Algorithm 1: its object is brought to where the old plan brings it.
 
         Raises:
             HmapError: that does not work, or it is the task itself, for which there are more ways than this one.
         """
-        if errand is self._ahead[-1]:
+        if subgoal is self._ahead[-1]:
             raise PlannerError("nothing of the old plan serves any more", Code.NO_MOTION)
-        course = self._planner.bring(Errand(self._goal(errand)[1]), Course(state))
+        solution = self._planner.bring(Subgoal(self._goal(subgoal)[1]), SolutionSequence(state))
         self.kept["planned"] += 1
-        return [_Part(part, (part,)) for part in course.motions]
+        return [_Part(part, (part,)) for part in solution.motions]
 
-    def _goal(self, errand: PlannedErrand) -> tuple[str, Goal]:
-        """The body that an errand is about, and where it brings it."""
+    def _goal(self, subgoal: PlannedSubgoal) -> tuple[str, Goal]:
+        """The body that an subgoal is about, and where it brings it."""
         tools = {name for name, body in self._scene.bodies.items() if body.kind is BodyKind.TOOL}
-        handled = [kept.segment.object for kept in errand.contacts]
+        handled = [kept.segment.object for kept in subgoal.contacts]
         name = next((other for other in reversed(handled) if other not in tools), handled[-1])
-        end, own = self._plan.trajectory.objects[name][errand.last], self._scene.goal
+        end, own = self._plan.trajectory.objects[name][subgoal.last], self._scene.goal
         reaches = name == own.object and transforms.distance(end, own.pose)[0] <= SAME
         return name, own if reaches else Goal(name, end)
 
-    def _solved(self, state: SceneState, name: str, contact: RobotContact, poses: np.ndarray) -> SegmentMotion | None:
+    def _solved(self, state: SceneState, name: str, contact: RobotContact, poses: np.ndarray) -> SubTrajectory | None:
         request = self._scene, state, name, contact, poses, self._seed(), self._time_left()
         try:
             return self._planner.backend.solve_segment(*request)
@@ -356,24 +363,24 @@ class Repair:
         joints = all(np.abs(state.q[name] - q[sample]).max() <= SAME_JOINT for name, q in old.joints.items())
         return joints and all(abs(state.gripper[n] - o[sample]) <= SAME_OPENING for n, o in old.gripper.items())
 
-    def _objects_stand(self, errand: PlannedErrand, state: SceneState) -> bool:
-        """Whether what an errand moves stands where the plan takes it."""
+    def _objects_stand(self, subgoal: PlannedSubgoal, state: SceneState) -> bool:
+        """Whether what an subgoal moves stands where the plan takes it."""
         old = self._plan.trajectory.objects
-        off = (transforms.distance(old[name][errand.first], state.poses[name]) for name in errand.bodies)
+        off = (transforms.distance(old[name][subgoal.first], state.poses[name]) for name in subgoal.bodies)
         return all(moved <= SAME and turned <= SAME_TURN for moved, turned in off)
 
-    def _around(self, errand: PlannedErrand, state: SceneState) -> dict[str, Body]:
-        """The bodies that the plan does not know, or has elsewhere, but for those of the errand itself."""
+    def _around(self, subgoal: PlannedSubgoal, state: SceneState) -> dict[str, Body]:
+        """The bodies that the plan does not know, or has elsewhere, but for those of the subgoal itself."""
         found, old = dict(self._new), self._plan.trajectory.objects
         for name, rows in old.items():
-            moved, turned = transforms.distance(rows[errand.first], state.poses[name])
-            if name not in errand.bodies and (moved > SAME or turned > SAME_TURN):
+            moved, turned = transforms.distance(rows[subgoal.first], state.poses[name])
+            if name not in subgoal.bodies and (moved > SAME or turned > SAME_TURN):
                 found[name] = replace(self._scene.bodies[name], pose=state.poses[name])
         return found
 
-    def _free(self, errand: PlannedErrand, state: SceneState, first: int, last: int) -> bool:
-        around = self._around(errand, state)
-        return first_conflict(self._plan, around, *self._span(first, last), sorted(errand.bodies)) is None
+    def _free(self, subgoal: PlannedSubgoal, state: SceneState, first: int, last: int) -> bool:
+        around = self._around(subgoal, state)
+        return first_conflict(self._plan, around, *self._span(first, last), sorted(subgoal.bodies)) is None
 
     def _span(self, first: int, last: int) -> tuple[float, float]:
         time = self._plan.trajectory.time
@@ -393,10 +400,10 @@ class Repair:
     def _time_left(self) -> float:
         return self._planner.deadline - time.monotonic()
 
-    def _copied(self, errand: PlannedErrand, first: int) -> SegmentMotion:
-        """Samples of the old plan from ``first`` to the end of an errand."""
-        old, rows = self._plan.trajectory, slice(first, errand.last + 1)
-        start, end = self._span(first, errand.last)
+    def _copied(self, subgoal: PlannedSubgoal, first: int) -> SubTrajectory:
+        """Samples of the old plan from ``first`` to the end of an subgoal."""
+        old, rows = self._plan.trajectory, slice(first, subgoal.last + 1)
+        start, end = self._span(first, subgoal.last)
         segments = tuple(
             replace(s, start=max(s.start, start) - start, end=min(s.end, end) - start)
             for s in self._plan.segments
@@ -406,9 +413,9 @@ class Repair:
             old.time[rows] - start,
             {name: q[rows] for name, q in old.joints.items()},
             {name: opening[rows] for name, opening in old.gripper.items()},
-            {name: old.objects[name][rows] for name in errand.bodies},
+            {name: old.objects[name][rows] for name in subgoal.bodies},
         )
-        return SegmentMotion(trajectory, segments)
+        return SubTrajectory(trajectory, segments)
 
     # what is new has to be valid
 
@@ -418,7 +425,7 @@ class Repair:
         if moved > goal.position_tolerance or turned > goal.rotation_tolerance:
             raise PlannerError(f"'{goal.object}' would end {moved:.3f} m from its goal", Code.NO_MOTION)
 
-    def _judge(self, state: SceneState, motions: tuple[SegmentMotion, ...]) -> None:
+    def _judge(self, state: SceneState, motions: tuple[SubTrajectory, ...]) -> None:
         """Raises PlannerError where the judge does not accept motions from a state."""
         scene, after = scene_at(self._scene, state), state
         for part in motions:
@@ -439,11 +446,11 @@ class Repair:
 class _Part:
     """A motion, and with what the judge is shown it: nothing where he has seen it."""
 
-    motion: SegmentMotion
-    shown: tuple[SegmentMotion, ...] = field(default=())
+    motion: SubTrajectory
+    shown: tuple[SubTrajectory, ...] = field(default=())
 
 
-def _at_rest(state: SceneState, contact: Segment, period: float) -> SegmentMotion:
+def _at_rest(state: SceneState, contact: Segment, period: float) -> SubTrajectory:
     """A moment of rest in a contact, in the state in which it was made."""
     time = period * np.arange(REST)
     trajectory = Trajectory(
@@ -452,7 +459,7 @@ def _at_rest(state: SceneState, contact: Segment, period: float) -> SegmentMotio
         {contact.robot: np.full(REST, state.gripper[contact.robot])},
         {contact.object: np.tile(state.poses[contact.object], (REST, 1))},
     )
-    return SegmentMotion(trajectory, (replace(contact, start=0.0, end=float(time[-1])),))
+    return SubTrajectory(trajectory, (replace(contact, start=0.0, end=float(time[-1])),))
 
 
 def _steps(rows: np.ndarray, first: int, last: int) -> np.ndarray:
@@ -496,23 +503,23 @@ def plan_anew(
 def rehearse(plan: Plan, time_limit: float) -> None:
     """Do once what mending a plan takes, and forget it, so that everything has been loaded when it matters.
 
-    The last errand is mended with the way free, and with a ball in the middle of it.
+    The last subgoal is mended with the way free, and with a ball in the middle of it.
     """
-    errands = planned_errands(plan)
-    if not errands:
+    subgoals = planned_subgoals(plan)
+    if not subgoals:
         return
-    errand = errands[-1]
-    state = state_at(plan, errand.first)
-    rows = plan.trajectory.objects[errand.contacts[-1].segment.object]
-    middle = pose(rows[(errand.begin + errand.contacts[-1].end) // 2, :3])
+    subgoal = subgoals[-1]
+    state = state_at(plan, subgoal.first)
+    rows = plan.trajectory.objects[subgoal.contacts[-1].segment.object]
+    middle = pose(rows[(subgoal.begin + subgoal.contacts[-1].end) // 2, :3])
     ball = Body("", BodyKind.FIXED, (Shape(ShapeKind.SPHERE, (REHEARSED_RADIUS,)),), middle)
     for bodies in {}, {ball.name: ball}:
         scene = replace(plan.scene, bodies=plan.scene.bodies | bodies)
         there = replace(state, poses=state.poses | {name: body.pose for name, body in bodies.items()})
         planner = Planner(scene, there, time_limit=time_limit)
-        repair = Repair(planner, plan, float(plan.trajectory.time[errand.first]))
+        repair = Repair(planner, plan, float(plan.trajectory.time[subgoal.first]))
         for way in (repair.with_new_way, repair.with_its_contact, repair.in_one_contact):
             try:
-                way(errand, there)
+                way(subgoal, there)
             except HmapError:
                 continue

@@ -8,7 +8,7 @@ import numpy as np
 from hmap_core.collision.convex import ConvexSet, from_hulls, sets_nearest, transformed
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.shapes import body_set
-from hmap_core.planner.interfaces import SegmentMotion
+from hmap_core.planner.interfaces import SubTrajectory
 from hmap_core.transforms import multiply_all, quaternions
 from hmap_core.types import Robot, Scene, SceneState, SegmentKind
 
@@ -62,15 +62,16 @@ def placed(scene: Scene, state: SceneState, names: Iterable[str]) -> dict[str, C
 
 
 def robot_sweeps(robot: Robot, q: np.ndarray, openings: np.ndarray, base: bool = False) -> list[Sweep]:
-    """The links of a robot in its postures (M, n), its gripper open by ``openings`` (M,); ``base``: the fixed ones too.
+    """The links of a robot in its configurations (M, n), its gripper open by ``openings`` (M,); ``base``: the fixed
+    ones too.
 
-    Postures that differ from the last by less than JOINT_STEP and OPENING_STEP are left out.
+    Configurations that differ from the last by less than JOINT_STEP and OPENING_STEP are left out.
     """
     arm = load_arm(robot.model)
     moved = np.column_stack([q / JOINT_STEP, openings / OPENING_STEP])
     keep = _spread(moved)
     q, openings = q[keep], openings[keep]
-    frames = [arm.frames(posture) for posture in q]
+    frames = [arm.frames(configuration) for configuration in q]
     R, p = (np.array(part) for part in zip(*frames, strict=True))
     sweeps = []
     for frame in range(0 if base else 1, arm.n + 1):
@@ -109,7 +110,7 @@ def _link_set(hulls, opening: float) -> ConvexSet:
     )
 
 
-def motion_sweeps(scene: Scene, state: SceneState, motion: SegmentMotion, near: float = np.inf) -> list[Sweep]:
+def motion_sweeps(scene: Scene, state: SceneState, motion: SubTrajectory, near: float = np.inf) -> list[Sweep]:
     """The robots and objects of a motion that begins in ``state``.
 
     Args:
@@ -133,7 +134,7 @@ def object_sweep(scene: Scene, name: str, poses: np.ndarray) -> Sweep:
     return Sweep(body_set(scene.bodies[name]), poses[_spread(np.column_stack([poses[:, :3] / OBJECT_STEP[0], turn]))])
 
 
-def _near(robot: Robot, q: np.ndarray, motion: SegmentMotion, name: str, near: float) -> np.ndarray:
+def _near(robot: Robot, q: np.ndarray, motion: SubTrajectory, name: str, near: float) -> np.ndarray:
     """Which samples (N,) of a robot count: see :func:`motion_sweeps`."""
     if np.isinf(near):
         return np.ones(len(q), bool)

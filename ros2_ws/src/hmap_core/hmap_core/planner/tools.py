@@ -6,31 +6,31 @@ hand, tool and object could go along the object's path, which is asked without a
 
 import numpy as np
 
-from hmap_core.execution.in_hand import ToolInHand
+from hmap_core.execution.attached_tool import AttachedTool
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.shapes import body_set
-from hmap_core.planner.interfaces import Grip, RobotContact
-from hmap_core.planner.motion import scene_holding
+from hmap_core.planner.interfaces import RobotContact, ToolGrasp
+from hmap_core.planner.motion import attach_body
 from hmap_core.transforms import apply, inverse, multiply, rotation_matrix
 from hmap_core.types import BodyKind, ContactKind, ContactPoint, Scene, SceneState
 
 TURN_LENGTH = 0.1  # m that count as much as a turn of the hand by 1 rad, when holds are spread over a tool
 
 
-def holding(scene: Scene, grip: Grip) -> Scene:
+def attach_tool(scene: Scene, grip: ToolGrasp) -> Scene:
     """The scene in which the robot holds the tool."""
-    return scene_holding(scene, grip.robot, grip.tool, grip.contact.contact, grip.T_place)
+    return attach_body(scene, grip.robot, grip.tool, grip.contact.contact, grip.T_place)
 
 
-def grip_of(held: ToolInHand) -> Grip:
+def grip_of(held: AttachedTool) -> ToolGrasp:
     """The grip on a tool that is in a robot's hand, taken along the end-effector's z axis."""
     T = held.contact_pose
     approach = np.array([0.0, 0.0, 1.0])
     contact = ContactPoint(ContactKind.GRASP, T, T[:3], -rotation_matrix(T)[:, 2], held.opening, approach)
-    return Grip(held.tool, RobotContact(held.robot, contact, 0, held.q_place[None]), held.T_place)
+    return ToolGrasp(held.tool, RobotContact(held.robot, contact, 0, held.q_place[None]), held.T_place)
 
 
-def in_hand(scene: Scene, state: SceneState, grip: Grip) -> SceneState:
+def with_tool_attached(scene: Scene, state: SceneState, grip: ToolGrasp) -> SceneState:
     """The state with the tool exactly where the grip holds it."""
     placed, contact = scene.robots[grip.robot], grip.contact.contact
     T_world_ee = multiply(placed.base_pose, load_arm(placed.model).end_effector(state.q[grip.robot]))
@@ -40,7 +40,7 @@ def in_hand(scene: Scene, state: SceneState, grip: Grip) -> SceneState:
     return held
 
 
-def put_back(state: SceneState, grip: Grip | None) -> SceneState:
+def with_tool_placed(state: SceneState, grip: ToolGrasp | None) -> SceneState:
     """The state in which a tool stands again where it was taken; the same where there is no grip."""
     if grip is None:
         return state

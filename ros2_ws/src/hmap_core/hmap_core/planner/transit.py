@@ -2,7 +2,8 @@
 
 Two trees that grow towards each other as in RRT-Connect (Kuffner and LaValle, ICRA 2000). They grow by straight motions
 of the joints, and by straight moves of the hand: a hand with a tool under a shelf can slide, but hardly any motion of
-single joints leads it out of there. Both kinds go as far as they are free, which is looked at between their postures
+single joints leads it out of there. Both kinds go as far as they are free, which is looked at between their
+configurations
 too: with a long tool in the hand, small turns of the joints pass through thin boards.
 """
 
@@ -23,11 +24,11 @@ HAND_RANGE = 0.3  # m, by a move of the hand
 HAND_SHARE = 0.5  # of the extensions that are moves of the hand
 AROUND = 0.2  # m beyond start and goal in which the hand is sent about
 UNSEEN = 1e-3  # m that a pair may come nearer between two looks
-SLACK = 1e-4  # m that margins may be left by: postures from inverse kinematics are that good
+SLACK = 1e-4  # m that minimum distances may be left by: configurations from inverse kinematics are that good
 CHECKS = 40_000  # looks after which a search gives up, whatever the clock says
 RUNS = 4  # searches, while all ways are longer than DETOUR times the straight one
 DETOUR = 1.5
-INTERVAL_LOOKS, HAND_LOOKS = 3, 3  # what an interval, and a posture from inverse kinematics, cost in looks
+INTERVAL_LOOKS, HAND_LOOKS = 3, 3  # what an interval, and a configuration from inverse kinematics, cost in looks
 SHORTCUTS = 200
 MIN_SAVING = 0.02  # rad that a shortcut has to save
 POINTS = 100  # of the path that is found, about
@@ -40,18 +41,19 @@ class _Free:
 
     def __init__(self, chain: Chain, cols: Collisions, mask: int):
         self.chain, self._mask = chain, mask
-        self._cols = cols._replace(margin=cols.margin - SLACK)
+        self._cols = cols._replace(min_distance=cols.min_distance - SLACK)
         self.looks = 0
 
     def reached(self, path: np.ndarray) -> int:
-        """How many of the postures (m + 1, n) after the first are reached freely, straight from one to the next."""
+        """How many of the configurations (m + 1, n) after the first are reached freely, straight from one to the
+        next."""
         steps = self._before_hit(path_violations(path[1:], self._masks(len(path) - 1), self.chain, self._cols, 0.0)[1])
         self.looks += len(path) - 1 + INTERVAL_LOOKS * steps
         path = path[: steps + 1]
         return self._before_hit(between_violations(path, self._masks(steps), self.chain, self._cols, UNSEEN)[1])
 
     def line(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Postures (m + 1, n) straight from a to b (n,), INTERVAL apart or less."""
+        """Configurations (m + 1, n) straight from a to b (n,), INTERVAL apart or less."""
         steps = max(1, int(np.ceil(np.abs(b - a).max() / INTERVAL)))
         return a + np.linspace(0.0, 1.0, steps + 1)[:, None] * (b - a)
 
@@ -61,7 +63,7 @@ class _Free:
         return self.reached(line) == len(line) - 1
 
     def hit(self, path: np.ndarray) -> np.ndarray:
-        """Which intervals (m,) of a path (m + 1, n), straight between its postures, are not free."""
+        """Which intervals (m,) of a path (m + 1, n), straight between its configurations, are not free."""
         self.looks += INTERVAL_LOOKS * (len(path) - 1)
         return between_violations(path, self._masks(len(path) - 1), self.chain, self._cols, UNSEEN)[1] >= 0
 
@@ -75,41 +77,41 @@ class _Free:
 
 
 class _Tree:
-    """Postures that are reached from a first one, and where the hand is in each."""
+    """Configurations that are reached from a first one, and where the hand is in each."""
 
     def __init__(self, q: np.ndarray, moves: HandMoves):
         self._moves = moves
-        self.postures, self.hands, self._parents = q[None], moves.poses(q[None]), [-1]
+        self.configurations, self.hands, self._parents = q[None], moves.poses(q[None]), [-1]
 
     def add(self, path: np.ndarray, parent: int) -> int:
-        """A branch of postures (m, n); returns the number of its last one."""
+        """A branch of configurations (m, n); returns the number of its last one."""
         for _ in path:
             self._parents.append(parent)
             parent = len(self._parents) - 1
-        self.postures = np.concatenate([self.postures, path])
+        self.configurations = np.concatenate([self.configurations, path])
         self.hands = np.concatenate([self.hands, self._moves.poses(path)])
         return parent
 
     def nearest(self, q: np.ndarray) -> int:
-        return int(np.linalg.norm(self.postures - q, axis=1).argmin())
+        return int(np.linalg.norm(self.configurations - q, axis=1).argmin())
 
     def nearest_hand(self, point: np.ndarray) -> int:
         return int(np.linalg.norm(self.hands[:, :3] - point, axis=1).argmin())
 
     def branch(self, k: int) -> np.ndarray:
-        """Postures (m, n) from the first one to the k-th."""
+        """Configurations (m, n) from the first one to the k-th."""
         numbers = []
         while k >= 0:
             numbers.append(k)
             k = self._parents[k]
-        return self.postures[numbers[::-1]]
+        return self.configurations[numbers[::-1]]
 
 
 def find_transit(
     moves: HandMoves, chain: Chain, cols: Collisions, mask: int, start: np.ndarray, goal: np.ndarray,
     rng: np.random.Generator, deadline: float,
 ) -> np.ndarray | None:  # fmt: skip
-    """Postures (m, n) of a free joint path from start to goal (n,), short and smooth; None when none was found.
+    """Configurations (m, n) of a free joint path from start to goal (n,), short and smooth; None when none was found.
 
     Args:
         moves: of the hand, among the same things.
@@ -132,15 +134,15 @@ def find_transit(
 
 
 def _connect(free: _Free, moves: HandMoves, start, goal, rng: np.random.Generator, deadline) -> np.ndarray | None:
-    """Postures (m, n) from start to goal (n,), straight between them, in which the trees have met."""
+    """Configurations (m, n) from start to goal (n,), straight between them, in which the trees have met."""
     trees = _Tree(start, moves), _Tree(goal, moves)
     ends = np.concatenate([tree.hands[:, :3] for tree in trees])
     room = ends.min(axis=0) - AROUND, ends.max(axis=0) + AROUND
     grown, other, new = *trees, 0
     while free.looks < CHECKS and time.monotonic() < deadline:
         if new is not None:
-            near = other.nearest(grown.postures[new])
-            line = free.line(other.postures[near], grown.postures[new])
+            near = other.nearest(grown.configurations[new])
+            line = free.line(other.configurations[near], grown.configurations[new])
             count = free.reached(line)
             if count == len(line) - 1:
                 ways = grown.branch(new), other.branch(near)
@@ -153,10 +155,10 @@ def _connect(free: _Free, moves: HandMoves, start, goal, rng: np.random.Generato
 
 
 def _by_joints(free: _Free, tree: _Tree, rng: np.random.Generator) -> int | None:
-    """Grows a tree towards a random posture; returns the number of the new one, None where it cannot."""
+    """Grows a tree towards a random configuration; returns the number of the new one, None where it cannot."""
     target = rng.uniform(free.chain.lower, free.chain.upper)
     near = tree.nearest(target)
-    line = free.line(tree.postures[near], target)[: int(RANGE / INTERVAL) + 1]
+    line = free.line(tree.configurations[near], target)[: int(RANGE / INTERVAL) + 1]
     count = free.reached(line)
     return tree.add(line[count : count + 1], near) if count > 0 else None
 
@@ -174,7 +176,7 @@ def _by_hand(free: _Free, moves: HandMoves, tree: _Tree, room, rng: np.random.Ge
     kept[rng.integers(3)] = True
     way = axes @ (kept * ((point - hand[:3]) @ axes))
     way *= min(1.0, HAND_RANGE / np.linalg.norm(way))
-    path = moves.along(tree.postures[near], way)
+    path = moves.along(tree.configurations[near], way)
     free.looks += HAND_LOOKS * len(path)
     count = free.reached(path) if len(path) > 1 else 0
     return tree.add(path[1 : count + 1], near) if count > 0 else None

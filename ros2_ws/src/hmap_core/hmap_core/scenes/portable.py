@@ -12,7 +12,7 @@ from hmap_core.scenes import meshes, resources
 from hmap_core.scenes.arrays import DECIMALS, listed
 from hmap_core.scenes.scene_data import BodyData, HeldData, RobotData, SceneData, SceneDocument, ShapeData, parse
 from hmap_core.transforms import IDENTITY
-from hmap_core.types import Body, Camera, Goal, Gripper, HeldBody, Robot, RobotModel, Scene, Shape, ShapeKind
+from hmap_core.types import AttachedBody, Body, Camera, Goal, Gripper, Robot, RobotModel, Scene, Shape, ShapeKind
 
 SCENE_FORMAT = "hmap-scene"
 VERSION = 1
@@ -90,7 +90,7 @@ def _robot_dict(robot: Robot) -> dict[str, Any]:
         "ignored_collisions": [list(pair) for pair in model.ignored_collisions],
         "gripper": gripper,
         "simulation": model.simulation,
-    } | ({} if model.held is None else {"held": _held_dict(model.held)})
+    } | ({} if model.attached is None else {"held": _attached_dict(model.attached)})
 
 
 def _plain(value: Any) -> Any:
@@ -100,7 +100,7 @@ def _plain(value: Any) -> Any:
     return _rounded(value) if isinstance(value, float) else value
 
 
-def _held_dict(held: HeldBody) -> dict[str, Any]:
+def _attached_dict(held: AttachedBody) -> dict[str, Any]:
     return {
         "name": held.name,
         "parts": [_shape_dict(shape) for shape in held.shapes],
@@ -187,14 +187,14 @@ def _robot(name: str, data: RobotData) -> Robot:
         gripper=gripper,
         ignored_collisions=tuple(data.ignored_collisions),
         simulation=data.simulation,
-        held=None if data.held is None else _held(data.held),
+        attached=None if data.held is None else _attached(data.held),
     )
     return Robot(name, model, data.base_pose, data.q_start)
 
 
-def _held(data: HeldData) -> HeldBody:
+def _attached(data: HeldData) -> AttachedBody:
     shapes = tuple(_shape(part) for part in data.parts)
-    return HeldBody(data.name, shapes, data.T_ee_body, data.opening, data.friction, data.up)
+    return AttachedBody(data.name, shapes, data.T_ee_body, data.opening, data.friction, data.up)
 
 
 def scene_to_text(scene: Scene) -> str:

@@ -9,7 +9,7 @@ ELEVATION = np.deg2rad(38.0)
 TWIST = np.deg2rad(-12.0)  # off the line from the robots to the work, so that depth can be seen
 FOV_Y = np.deg2rad(30.0)
 ROBOT_HEIGHT = 0.55  # m; the robots are in the picture up to here
-MARGIN = 1.06  # of the distance at which everything just fits
+MIN_DISTANCE = 1.06  # of the distance at which everything just fits
 MIN_LEVER = 0.05  # m; robots nearer to the work than this say nothing about a direction
 
 
@@ -31,7 +31,7 @@ def camera_for(plan: Plan, width: int, height: int) -> Camera:
     R = _rotation(-outward)
     local = (points - center) @ R
     tan = np.tan(0.5 * FOV_Y) * np.array([width / height, 1.0])
-    distance = float((np.abs(local[:, :2]) / tan - local[:, 2:]).max()) * MARGIN
+    distance = float((np.abs(local[:, :2]) / tan - local[:, 2:]).max()) * MIN_DISTANCE
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = R, center + distance * outward
     return Camera("picture", transforms.from_matrix(matrix), width, height, float(FOV_Y))

@@ -128,6 +128,6 @@ def removables_hit(problem: ObjectPathProblem, found: Corners, needed: frozenset
 
 
 def checker_like(found: Corners, problem: ObjectPathProblem) -> ObjectChecker:
-    """A checker for the obstacles of ``problem`` with the kind of motion, margin and frame of a path."""
+    """A checker for the obstacles of ``problem`` with the kind of motion, minimum distance and frame of a path."""
     central = recentred(problem, found.middle)
-    return ObjectChecker(central, Geometry(central), found.checker.planar, found.checker.margin)
+    return ObjectChecker(central, Geometry(central), found.checker.planar, found.checker.min_distance)

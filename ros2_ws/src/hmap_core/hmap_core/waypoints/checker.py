@@ -80,12 +80,13 @@ class Geometry:
 class ObjectChecker:
     """Exact checks of one body among obstacles that stand still.
 
-    Required distance: the margin, or less for a shape that the body is nearer to at its start or goal already (a book
+    Required distance: the min_distance, or less for a shape that the body is nearer to at its start or goal already
+        (a book
     between books, an object on its table). In planar motion the shapes that lie below the body carry it and are
     not obstacles; its centre of mass then has to stay over them.
     """
 
-    def __init__(self, problem: ObjectPathProblem, geometry: Geometry, planar: bool, margin: float):
+    def __init__(self, problem: ObjectPathProblem, geometry: Geometry, planar: bool, min_distance: float):
         self.planar = planar
         self.body = geometry.body
         reach = [np.linalg.norm(self.body.hull(k), axis=1).max() + self.body.radius[k] for k in range(len(self.body))]
@@ -108,19 +109,21 @@ class ObjectChecker:
         self._ends = np.array([self.distances(problem.start), self.distances(problem.goal)])
         self._no_extra = np.zeros(len(self.owners))
         self.checks = 0  # motions looked at
-        self._keep(margin)
+        self._keep(min_distance)
 
-    def _keep(self, margin: float) -> None:
-        self.margin = margin
-        self.contact_at_end = self._ends < margin  # (2, SB) touched, or nearly, at the start and at the goal
+    def _keep(self, min_distance: float) -> None:
+        self.min_distance = min_distance
+        self.contact_at_end = self._ends < min_distance  # (2, SB) touched, or nearly, at the start and at the goal
         self.contact = self.contact_at_end.any(axis=0)
-        self.required = np.maximum(np.minimum(margin, self._ends.min(axis=0) - CONTACT_SLACK), -PENETRATION_ALLOWED)
+        self.required = np.maximum(
+            np.minimum(min_distance, self._ends.min(axis=0) - CONTACT_SLACK), -PENETRATION_ALLOWED
+        )
         self.blocked = np.zeros(len(self.owners), np.int64)  # how often each shape stopped a motion
 
-    def with_margin(self, margin: float) -> "ObjectChecker":
-        """The same checker with another margin in metres."""
+    def with_margin(self, min_distance: float) -> "ObjectChecker":
+        """The same checker with another minimum distance in metres."""
         other = copy(self)
-        other._keep(margin)
+        other._keep(min_distance)
         return other
 
     @property
@@ -151,7 +154,8 @@ class ObjectChecker:
         return self.support is None or self.support.holds(T)
 
     def motion_free(self, T0: np.ndarray, T1: np.ndarray, extra: float = 0.0, near: np.ndarray | None = None) -> bool:
-        """Whether the body may move from T0 to T1 (7,), ``extra`` metres more than the margin off what is not ``near``.
+        """Whether the body may move from T0 to T1 (7,), ``extra`` metres more than the minimum distance off what is
+        not ``near``.
 
         ``near`` (SB,) are the shapes that it may come as near to as at an end; None: all contacts.
         """
@@ -159,7 +163,7 @@ class ObjectChecker:
         hit = np.array([-1, 0])
         more = self._no_extra
         if extra or near is not None:
-            more = np.where(self.contact if near is None else near, 0.0, self.margin + extra - self.required)
+            more = np.where(self.contact if near is None else near, 0.0, self.min_distance + extra - self.required)
         if kernels.free_until(T0, T1, *self._a, *self._b, self.required, more, hit) < 1.0:
             self.blocked[hit[0]] += 1
             return False

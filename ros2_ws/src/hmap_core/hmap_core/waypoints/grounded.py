@@ -27,7 +27,7 @@ def slid_first(problem: ObjectPathProblem, poses: np.ndarray) -> np.ndarray | No
         return None
     sliding = replace(problem, goal=problem.start, motion="planar", removable=frozenset())
     geometry = Geometry(sliding)
-    ground = ObjectChecker(sliding, geometry, True, problem.margin)
+    ground = ObjectChecker(sliding, geometry, True, problem.min_distance)
     if ground.support is None:
         return None
     slid = [np.asarray(poses[0], float)]
@@ -36,7 +36,7 @@ def slid_first(problem: ObjectPathProblem, poses: np.ndarray) -> np.ndarray | No
         if not ground.motion_free(slid[-1], below):
             break
         slid.append(below)
-    air = ObjectChecker(problem, geometry, False, problem.margin)
+    air = ObjectChecker(problem, geometry, False, problem.min_distance)
     for last in range(len(slid) - 1, 0, -1):
         if np.linalg.norm(slid[last][:3] - slid[0][:3]) < LEAST_SLIDE:
             return None

@@ -8,7 +8,7 @@ from hmap_core.exceptions import Code, InputError, WaypointError
 from hmap_core.types import Body
 
 # kept free to everything that is not touched at the start or the goal, m
-DEFAULT_MARGIN = 0.002
+DEFAULT_MIN_DISTANCE = 0.002
 MOTIONS = ("auto", "planar", "spatial")
 
 
@@ -25,15 +25,15 @@ class ObjectPathProblem:
     goal: np.ndarray  # T_world_obj (7,)
     obstacles: tuple[Body, ...]
     motion: str = "auto"
-    margin: float = DEFAULT_MARGIN  # m
+    min_distance: float = DEFAULT_MIN_DISTANCE  # m
     bounds: np.ndarray | None = None  # (2, 3) lower and upper position of the body; None: found from the scene
     removable: frozenset[str] = frozenset()  # obstacles that could be put out of the way; named when they block
 
     def __post_init__(self):
         if self.motion not in MOTIONS:
             raise InputError(f"motion '{self.motion}' is unknown; allowed: {', '.join(MOTIONS)}")
-        if not self.margin >= 0.0:
-            raise InputError(f"margin is {self.margin}; it must be at least 0 m")
+        if not self.min_distance >= 0.0:
+            raise InputError(f"min_distance is {self.min_distance}; it must be at least 0 m")
         for name, T in (("start", self.start), ("goal", self.goal)):
             self._check_pose(name, T)
         if any(o.name == self.body.name for o in self.obstacles):
@@ -51,7 +51,7 @@ class ObjectPathProblem:
         """The same problem with some obstacles gone."""
         kept = tuple(o for o in self.obstacles if o.name not in names)
         return ObjectPathProblem(
-            self.body, self.start, self.goal, kept, self.motion, self.margin, self.bounds, self.removable - names
+            self.body, self.start, self.goal, kept, self.motion, self.min_distance, self.bounds, self.removable - names
         )
 
 
@@ -64,7 +64,8 @@ class ObjectPath:
 
     Between two successive poses the body moves as :func:`hmap_core.transforms.interpolate` says. The motion was checked
     as a turn about the middle of the body's largest shape; where the body's frame is elsewhere the two differ by 0.1 mm
-    at most. Quaternions do not change sign along the path. Where the margin asked for leaves no way, less is kept:
+    at most. Quaternions do not change sign along the path. Where the minimum distance asked for leaves no way, less
+    is kept:
     ``clearance`` tells.
     """
 

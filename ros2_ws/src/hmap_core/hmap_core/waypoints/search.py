@@ -1,4 +1,5 @@
-"""The search for a free path of one body: planar and spatial motion, wide and narrow margins, in rounds that grow."""
+"""The search for a free path of one body: planar and spatial motion, wide and narrow minimum distances, in rounds
+that grow."""
 
 from dataclasses import dataclass
 
@@ -18,7 +19,7 @@ SAME_HEIGHT = 1e-3  # m
 SAME_TILT = float(np.deg2rad(1.0))
 # how far beyond start and goal the search looks for room, m
 SEARCH_REACH = 1.0
-# margins in metres that are tried where the problem's is too much
+# minimum distances in metres that are tried where the problem's is too much
 TIGHTER = (0.002, 0.0005)
 # each further round of searches by trees may check this many times more motions
 GROWTH = 2
@@ -97,7 +98,7 @@ class ObjectSearch:
 
 
 class _Kind:
-    """One kind of motion: its checkers, the wider margin first, and what they have learnt."""
+    """One kind of motion: its checkers, the wider minimum distance first, and what they have learnt."""
 
     def __init__(self, problem: ObjectPathProblem, planar: bool):
         self.problem, self.planar = problem, planar
@@ -109,11 +110,11 @@ class _Kind:
     def prepare(self, geometry: Geometry, last: bool) -> bool:
         """Make the checkers; False where this kind makes no sense: a slide off what does not carry the body."""
         problem = self.problem
-        checker = ObjectChecker(problem, geometry, self.planar, problem.margin)
+        checker = ObjectChecker(problem, geometry, self.planar, problem.min_distance)
         if self.planar and not last and checker.support is None:
             return False
-        tighter = [margin for margin in TIGHTER if margin < problem.margin]
-        self.checkers = [checker, *(checker.with_margin(margin) for margin in tighter)]
+        tighter = [min_distance for min_distance in TIGHTER if min_distance < problem.min_distance]
+        self.checkers = [checker, *(checker.with_margin(min_distance) for min_distance in tighter)]
         self.bounds = search_bounds(problem, checker)
         return True
 
@@ -157,7 +158,7 @@ def search_bounds(problem: ObjectPathProblem, checker: ObjectChecker) -> np.ndar
         return np.asarray(problem.bounds, float)
     ends = np.array([problem.start[:3], problem.goal[:3]])
     near = np.array([ends.min(0) - SEARCH_REACH, ends.max(0) + SEARCH_REACH])
-    room = checker.radius + checker.margin
+    room = checker.radius + checker.min_distance
     points = [ends.min(0) - room, ends.max(0) + room]
     for lower, upper in zip(checker.obstacles.lower, checker.obstacles.upper, strict=True):
         points += [lower - room, upper + room]

@@ -12,7 +12,7 @@ SHORTCUTS = 60
 MIN_SAVING = 1e-3
 # corners are moved away from what they pass by this much at a time, m
 RELAX_STEPS = (0.02, 0.01, 0.005)
-# wanted beyond the margin where there is room, m
+# wanted beyond the minimum distance where there is room, m
 COMFORT = 0.01
 # a shape is still touched where its distance differs by no more than this, m
 STILL_TOUCHED = 1e-3
@@ -73,10 +73,11 @@ def _comfortable(checker: ObjectChecker, corners: np.ndarray, extra: float, near
 
 
 def relax(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
-    """Move each inner corner a little so that the motions next to it keep COMFORT more than the margin, if they can.
+    """Move each inner corner a little so that the motions next to it keep COMFORT more than the min_distance, if
+    they can.
 
     What is touched where the path begins or ends may be near as long as the body goes along it, but not when it passes
-    it elsewhere; where that cannot be, the margin alone is kept off it, else nothing.
+    it elsewhere; where that cannot be, the minimum distance alone is kept off it, else nothing.
     """
     path = path.copy()
     near = _near(checker, path)

@@ -96,8 +96,9 @@ def _clip(subject, count, window, out, spare):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _surrounded(x, y, points, count, margin):
-    """Whether (x, y) is inside the convex hull of points (count, 2) by ``margin``: no half plane leaves it out."""
+def _surrounded(x, y, points, count, min_distance):
+    """Whether (x, y) is inside the convex hull of points (count, 2) by ``min_distance``: no half plane leaves it
+    out."""
     for i in range(count):
         for j in range(count):
             ex, ey = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
@@ -109,33 +110,33 @@ def _surrounded(x, y, points, count, margin):
                 if ex * (points[k, 1] - points[i, 1]) - ey * (points[k, 0] - points[i, 0]) < -_THIN * length:
                     edge = False
                     break
-            if edge and ex * (y - points[i, 1]) - ey * (x - points[i, 0]) < margin * length:
+            if edge and ex * (y - points[i, 1]) - ey * (x - points[i, 0]) < min_distance * length:
                 return False
     return count >= 3
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _inside(x, y, polygon, margin):
-    """Whether (x, y) lies in a convex counter-clockwise polygon, ``margin`` from its edges."""
+def _inside(x, y, polygon, min_distance):
+    """Whether (x, y) lies in a convex counter-clockwise polygon, ``min_distance`` from its edges."""
     for k in range(polygon.shape[0]):
         ex, ey = polygon[k, 0] - polygon[k - 1, 0], polygon[k, 1] - polygon[k - 1, 1]
-        if ex * (y - polygon[k - 1, 1]) - ey * (x - polygon[k - 1, 0]) < margin * np.sqrt(ex * ex + ey * ey):
+        if ex * (y - polygon[k - 1, 1]) - ey * (x - polygon[k - 1, 0]) < min_distance * np.sqrt(ex * ex + ey * ey):
             return False
     return True
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _held(yaw, px, py, com, feet, feet_start, tops, tops_start, margin):
+def _held(yaw, px, py, com, feet, feet_start, tops, tops_start, min_distance):
     """Whether the body, turned by ``yaw`` and put at (px, py), has its mass centre over what carries it."""
     c, s = np.cos(yaw), np.sin(yaw)
-    # a disc of radius margin in one foot and in one top is in the contact polygon
+    # a disc of radius minimum distance in one foot and in one top is in the contact polygon
     standing = False
     for f in range(feet_start.shape[0] - 1):
-        standing = standing or _inside(com[0], com[1], feet[feet_start[f] : feet_start[f + 1]], margin)
+        standing = standing or _inside(com[0], com[1], feet[feet_start[f] : feet_start[f + 1]], min_distance)
     x, y = c * com[0] - s * com[1] + px, s * com[0] + c * com[1] + py
     if standing:
         for t in range(tops_start.shape[0] - 1):
-            if _inside(x, y, tops[tops_start[t] : tops_start[t + 1]], margin):
+            if _inside(x, y, tops[tops_start[t] : tops_start[t + 1]], min_distance):
                 return True
     contact = np.empty((_MAX_CORNERS * 4, 2))
     foot = np.empty((_MAX_CORNERS, 2))
@@ -154,7 +155,7 @@ def _held(yaw, px, py, com, feet, feet_start, tops, tops_start, margin):
             for i in range(m):
                 contact[count] = out[i]
                 count += 1
-    return _surrounded(x, y, contact, count, margin)
+    return _surrounded(x, y, contact, count, min_distance)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -15,7 +15,7 @@ TABLE_SIZE = (2.4, 2.4, 0.1)  # m; its top is at z = 0
 TABLE = "table"
 MAX_ATTEMPTS = 200
 RESTARTS = 2  # of path problems
-SAFE = 0.005  # m that postures which prove an instance feasible keep from everything
+SAFE = 0.005  # m that configurations which prove an instance feasible keep from everything
 
 
 def table() -> Body:

@@ -1,4 +1,4 @@
-"""A Panda over a table among boxes: a posture for a 6-D end-effector pose, from home."""
+"""A Panda over a table among boxes: a configuration for a 6-D end-effector pose, from home."""
 
 from collections.abc import Sequence
 
@@ -28,7 +28,7 @@ OBJECT_HEIGHT = (0.0, 0.4)  # m of its bottom over the table
 
 
 def contact_ik(seed: int) -> MotionInstance:
-    """The pose is that of a random posture which the judge finds free, so there is a solution."""
+    """The pose is that of a random configuration which the judge finds free, so there is a solution."""
     return sampled(_free_pose, "contact_ik", seed)
 
 
@@ -37,8 +37,10 @@ def contact_ik_surface(seed: int) -> MotionInstance:
     return sampled(_surface, "contact_ik_surface", seed)
 
 
-def clutter(robot: Robot, postures: Sequence[np.ndarray], centre: np.ndarray, bodies: list[Body], rng) -> list[Body]:
-    """Boxes at random poses, NEAR_BOXES of them round a point (3,), that leave the postures (n,) free."""
+def clutter(
+    robot: Robot, configurations: Sequence[np.ndarray], centre: np.ndarray, bodies: list[Body], rng
+) -> list[Body]:
+    """Boxes at random poses, NEAR_BOXES of them round a point (3,), that leave the configurations (n,) free."""
     boxes: list[Body] = []
     for _ in range(BOX_ATTEMPTS):
         if len(boxes) == BOXES:
@@ -49,7 +51,7 @@ def clutter(robot: Robot, postures: Sequence[np.ndarray], centre: np.ndarray, bo
         new = box(f"box_{len(boxes)}", rng.uniform(*BOX_SIZE, 3), place)
         standing = [body for body in bodies if body.kind is BodyKind.MOVABLE]
         scene = scene_of("clutter", 0, [new, *standing], [robot], Goal(new.name, place))
-        if all(clearance(scene, {robot.name: OPENING}, {robot.name: q}, SAFE) >= SAFE for q in postures):
+        if all(clearance(scene, {robot.name: OPENING}, {robot.name: q}, SAFE) >= SAFE for q in configurations):
             boxes.append(new)
     return bodies + boxes
 

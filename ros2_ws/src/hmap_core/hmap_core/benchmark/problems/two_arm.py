@@ -13,7 +13,7 @@ APART = 0.95  # m between the bases
 SHARED = ((0.25, -0.3, 0.1), (0.7, 0.3, 0.7))  # m, where the end-effectors go
 OPENING = 0.04  # m
 STEPS = ((20,), (20, 20))
-DRAWS = 400  # postures drawn for each arm and phase
+DRAWS = 400  # configurations drawn for each arm and phase
 
 
 def two_arm(seed: int) -> MotionInstance:
@@ -28,10 +28,10 @@ def _attempt(seed: int, rng: np.random.Generator) -> MotionInstance | None:
     steps = STEPS[seed % len(STEPS)]
     targets = []
     for phase in range(len(steps)):
-        posture = {robot.name: _in_shared_space(robot, rng) for robot in robots}
-        if any(q is None for q in posture.values()) or clearance(scene, opening, posture, SAFE) < SAFE:
+        configuration = {robot.name: _in_shared_space(robot, rng) for robot in robots}
+        if any(q is None for q in configuration.values()) or clearance(scene, opening, configuration, SAFE) < SAFE:
             return None
-        targets += [Target(r.name, phase, end_effector(r, posture[r.name])) for r in robots]
+        targets += [Target(r.name, phase, end_effector(r, configuration[r.name])) for r in robots]
     return MotionInstance(scene, opening, steps, tuple(targets), restarts=RESTARTS, seed=seed)
 
 

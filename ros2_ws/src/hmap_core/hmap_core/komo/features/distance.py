@@ -91,11 +91,12 @@ def distance(frame: int, shapes: ConvexSet, reference: int, reference_shapes: Co
     return Feature("distance", _kernel.address, 1, (frame, reference), params, "m")
 
 
-def clearance(frame: int, shapes: ConvexSet, reference: int, reference_shapes: ConvexSet, margin: float = 0.0):
-    """margin - distance, (1,), m: not above zero, as an inequality, where two bodies keep ``margin`` metres apart.
+def clearance(frame: int, shapes: ConvexSet, reference: int, reference_shapes: ConvexSet, min_distance: float = 0.0):
+    """minimum distance - distance, (1,), m: not above zero, as an inequality, where two bodies keep ``min_distance``
+    metres apart.
 
     The pairs of a CollisionModel do it faster, and between the steps too; this is for single steps and as a cost.
     Arguments and errors as of :func:`distance`.
     """
-    params = _pack((shapes, reference_shapes), -1.0, margin)
+    params = _pack((shapes, reference_shapes), -1.0, min_distance)
     return Feature("clearance", _kernel.address, 1, (frame, reference), params, "m")

@@ -23,7 +23,7 @@ REST_JOINT = 2e-3  # rad that a joint moves in it
 REST_LOOKS = 15  # looks at most
 
 
-class Observer:
+class SceneMonitor:
     """Follows ``scene``, ``new_object``, ``world_state`` and ``object_clouds``."""
 
     def __init__(self, node: HmapNode, stale_after: float):

@@ -19,12 +19,12 @@ ROOMS = (0.01, 0.005)  # m round what is held that are asked for, one after the 
 STRAYS = 0.0005  # m that a way may come nearer than the last of these
 
 
-class Air:
-    """What a robot meets on its way from one posture to another.
+class TransitSearch:
+    """What a robot meets on its way from one configuration to another.
 
     Args:
         manipulation: the robot, with what it holds.
-        collisions, cols: what keeps apart, and its arrays, with margins that the start keeps.
+        collisions, cols: what keeps apart, and its arrays, with minimum distances that the start keeps.
         start, goal: (n,).
         mask: bit mask of the phases that count.
     """
@@ -36,7 +36,7 @@ class Air:
         self._start, self._goal = start, goal
         self._moves = HandMoves(manipulation, collisions)
         scene = manipulation.scene
-        held = scene.robots[manipulation.robot].model.held
+        held = scene.robots[manipulation.robot].model.attached
         gives_way = held is not None and scene.mode != TaskMode.KINEMATIC
         self._rooms = ROOMS if gives_way else ()
         self._held = np.array([gives_way and name == f"{manipulation.robot}/{held.name}" for name in collisions.names])
@@ -46,7 +46,7 @@ class Air:
         if not self._rooms:
             return True
         cols = self._with_room(self._rooms[-1])
-        cols = cols._replace(margin=cols.margin - STRAYS)
+        cols = cols._replace(min_distance=cols.min_distance - STRAYS)
         masks = np.full(len(path) - 1, self._mask, np.int64)
         return not (between_violations(path, masks, self._chain, cols, UNSEEN)[1] >= 0).any()
 
@@ -67,7 +67,7 @@ class Air:
         """The pairs with ``room`` between what is held and what stands around, less where start or goal have less."""
         cols, stands = self._cols, self._cols.frame == 0
         own = (self._held[cols.a] & stands[cols.b]) | (self._held[cols.b] & stands[cols.a])
-        roomy = cols._replace(margin=np.where(own, np.maximum(cols.margin, room), cols.margin))
+        roomy = cols._replace(min_distance=np.where(own, np.maximum(cols.min_distance, room), cols.min_distance))
         for q in (self._start, self._goal):
             roomy = relaxed(self._chain, roomy, q, self._mask)
-        return roomy._replace(margin=np.maximum(roomy.margin, cols.margin))
+        return roomy._replace(min_distance=np.maximum(roomy.min_distance, cols.min_distance))

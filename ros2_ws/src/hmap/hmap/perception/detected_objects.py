@@ -16,7 +16,7 @@ MOVED = 0.004  # m; a thing whose estimated place or size changes less is where 
 
 
 @dataclass
-class Strangers:
+class DetectedObjects:
     """The things in the instance masks that are neither bodies nor robots of a scene.
 
     A thing that a picture does not show, because an arm is in front of it, stays where it was seen last; one that the

@@ -8,7 +8,7 @@ import pytest
 
 from hmap.conversions import scene_to_message, state_to_message
 from hmap.supervision.follower import LOST_POSITION, Follower
-from hmap.supervision.observer import REST_PERIOD, Observer
+from hmap.supervision.scene_monitor import REST_PERIOD, SceneMonitor
 from hmap_core.exceptions import Code, ExecutionError, InputError
 from hmap_core.scenes import load_scene
 from hmap_core.simulation.dynamic import sphere
@@ -24,7 +24,7 @@ NO_PATIENCE = 0.2  # s
 
 
 class FakeNode:
-    """Hands messages to the observer, and has a clock that stands."""
+    """Hands messages to the scene_monitor, and has a clock that stands."""
 
     def __init__(self, seconds: float):
         self.callbacks = {}
@@ -44,9 +44,9 @@ def scene():
 
 
 def observer_at(scene, seconds: float):
-    """An observer whose clock stands, and a function that tells it where the object is along x."""
+    """An scene_monitor whose clock stands, and a function that tells it where the object is along x."""
     node = FakeNode(seconds)
-    observer = Observer(node, stale_after=PATIENCE)
+    scene_monitor = SceneMonitor(node, stale_after=PATIENCE)
     node.callbacks["scene"](scene_to_message(scene))
 
     def tell(stamp: float, shift: float) -> None:
@@ -54,11 +54,11 @@ def observer_at(scene, seconds: float):
         state.poses[OBJECT] = state.poses[OBJECT] + np.eye(7)[0] * shift
         node.callbacks["world_state"](state_to_message(scene, state, time_to_message(stamp)))
 
-    return observer, tell
+    return scene_monitor, tell
 
 
-def tell_later(observer, tell, states) -> threading.Thread:
-    """Tells the next state whenever the observer waits for one."""
+def tell_later(scene_monitor, tell, states) -> threading.Thread:
+    """Tells the next state whenever the scene_monitor waits for one."""
 
     def run() -> None:
         for stamp, shift in states:
@@ -75,43 +75,43 @@ def x(scene, state) -> float:
 
 
 def test_settled_waits_for_a_state_of_after_now_in_which_nothing_moves(scene):
-    observer, tell = observer_at(scene, 2.0)
+    scene_monitor, tell = observer_at(scene, 2.0)
     tell(1.9, 0.0)
     step = 1.1 * REST_PERIOD
     moving = [(2.0 + step, 0.05), (2.0 + 2 * step, 0.08), (2.0 + 3 * step, 0.1), (2.0 + 4 * step, 0.1)]
-    thread = tell_later(observer, tell, moving)
-    assert x(scene, observer.settled(PATIENCE)) == pytest.approx(0.1)
+    thread = tell_later(scene_monitor, tell, moving)
+    assert x(scene, scene_monitor.settled(PATIENCE)) == pytest.approx(0.1)
     thread.join()
 
 
 def test_settled_does_not_make_do_with_what_it_knows(scene):
-    observer, tell = observer_at(scene, 2.0)
+    scene_monitor, tell = observer_at(scene, 2.0)
     tell(1.9, 0.0)
     with pytest.raises(InputError) as caught:
-        observer.settled(NO_PATIENCE)
+        scene_monitor.settled(NO_PATIENCE)
     assert caught.value.code is Code.STALE_STATE
 
 
-def follower_and_plan(scene, observer, planned: float):
+def follower_and_plan(scene, scene_monitor, planned: float):
     pose = scene.bodies[OBJECT].pose + np.eye(7)[0] * planned
     trajectory = SimpleNamespace(objects={OBJECT: np.array([pose])}, time=np.zeros(1))
-    return Follower(None, observer, lambda: False), SimpleNamespace(scene=scene, trajectory=trajectory)
+    return Follower(None, scene_monitor, lambda: False), SimpleNamespace(scene=scene, trajectory=trajectory)
 
 
 def test_a_state_of_before_the_end_of_a_stretch_does_not_mean_that_the_object_is_lost(scene):
-    observer, tell = observer_at(scene, 2.0)
+    scene_monitor, tell = observer_at(scene, 2.0)
     tell(1.9, 0.0)
-    thread = tell_later(observer, tell, [(2.1, FAR), (2.1 + 1.1 * REST_PERIOD, FAR)])
-    follower, plan = follower_and_plan(scene, observer, FAR)
+    thread = tell_later(scene_monitor, tell, [(2.1, FAR), (2.1 + 1.1 * REST_PERIOD, FAR)])
+    follower, plan = follower_and_plan(scene, scene_monitor, FAR)
     follower._watch(plan, 0)
     thread.join()
 
 
 def test_an_object_that_stands_elsewhere_is_lost(scene):
-    observer, tell = observer_at(scene, 2.0)
+    scene_monitor, tell = observer_at(scene, 2.0)
     tell(1.9, 0.0)
-    thread = tell_later(observer, tell, [(2.1, 0.0), (2.1 + 1.1 * REST_PERIOD, 0.0)])
-    follower, plan = follower_and_plan(scene, observer, FAR)
+    thread = tell_later(scene_monitor, tell, [(2.1, 0.0), (2.1 + 1.1 * REST_PERIOD, 0.0)])
+    follower, plan = follower_and_plan(scene, scene_monitor, FAR)
     with pytest.raises(ExecutionError, match=OBJECT) as caught:
         follower._watch(plan, 0)
     assert caught.value.code is Code.OBJECT_DROPPED
@@ -123,44 +123,44 @@ def new_object(*bodies) -> BodyArray:
 
 
 def test_what_only_the_cameras_have_seen_is_in_the_scene_and_in_the_state(scene):
-    observer, tell = observer_at(scene, 2.0)
+    scene_monitor, tell = observer_at(scene, 2.0)
     tell(2.1, 0.0)
     heard = threading.Event()
-    observer.on_change(heard.set)
-    before = observer.changed()
+    scene_monitor.on_change(heard.set)
+    before = scene_monitor.changed()
     ball = sphere("ball", 0.03, np.array([0.1, 0.2, 0.3]))
-    observer._node.callbacks["new_object"](new_object(ball))
-    assert heard.is_set() and observer.changed() > before
-    assert observer.wait_for_change(before, NO_PATIENCE, lambda: False)
-    assert set(observer.scene().bodies) == {*scene.bodies, "ball"}
-    _, state = observer.state(NO_PATIENCE)  # that of before is still good
+    scene_monitor._node.callbacks["new_object"](new_object(ball))
+    assert heard.is_set() and scene_monitor.changed() > before
+    assert scene_monitor.wait_for_change(before, NO_PATIENCE, lambda: False)
+    assert set(scene_monitor.scene().bodies) == {*scene.bodies, "ball"}
+    _, state = scene_monitor.state(NO_PATIENCE)  # that of before is still good
     assert np.allclose(state.poses["ball"], ball.pose)
     tell(2.2, 0.01)
-    assert np.allclose(observer.state(NO_PATIENCE)[1].poses["ball"], ball.pose)
-    observer._node.callbacks["new_object"](new_object())
-    assert set(observer.scene().bodies) == set(scene.bodies)
-    assert "ball" not in observer.state(NO_PATIENCE)[1].poses
+    assert np.allclose(scene_monitor.state(NO_PATIENCE)[1].poses["ball"], ball.pose)
+    scene_monitor._node.callbacks["new_object"](new_object())
+    assert set(scene_monitor.scene().bodies) == set(scene.bodies)
+    assert "ball" not in scene_monitor.state(NO_PATIENCE)[1].poses
 
 
 def test_a_scene_that_is_put_back_to_its_start_leaves_no_state(scene):
-    observer, tell = observer_at(scene, 2.0)
+    scene_monitor, tell = observer_at(scene, 2.0)
     tell(2.1, 0.0)
-    observer._node.callbacks["scene"](scene_to_message(scene))
+    scene_monitor._node.callbacks["scene"](scene_to_message(scene))
     with pytest.raises(InputError):
-        observer.state(NO_PATIENCE)
+        scene_monitor.state(NO_PATIENCE)
 
 
 def test_waiting_for_a_change_ends_when_it_is_canceled(scene):
-    observer, _ = observer_at(scene, 2.0)
-    assert not observer.wait_for_change(observer.changed(), PATIENCE, lambda: True)
+    scene_monitor, _ = observer_at(scene, 2.0)
+    assert not scene_monitor.wait_for_change(scene_monitor.changed(), PATIENCE, lambda: True)
 
 
 @pytest.mark.parametrize(("shift", "expected"), [(0.009, None), (0.011, "11.0 mm")])
 def test_what_is_off_the_plan_between_two_contacts_is_told(scene, shift, expected):
-    observer, tell = observer_at(scene, 2.0)
-    thread = tell_later(observer, tell, [(2.1, shift), (2.1 + 1.1 * REST_PERIOD, shift)])
+    scene_monitor, tell = observer_at(scene, 2.0)
+    thread = tell_later(scene_monitor, tell, [(2.1, shift), (2.1 + 1.1 * REST_PERIOD, shift)])
     tell(1.9, shift)
-    follower, _ = follower_and_plan(scene, observer, 0.0)
+    follower, _ = follower_and_plan(scene, scene_monitor, 0.0)
     trajectory = Trajectory(
         np.zeros(1),
         {name: robot.q[None] for name, robot in scene.robots.items()},

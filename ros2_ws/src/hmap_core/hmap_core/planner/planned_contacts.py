@@ -13,7 +13,7 @@ STANDS = 0.005  # m; a hand that moves less after a contact does not leave it
 
 
 @dataclass(frozen=True)
-class KeptSegment:
+class PlannedContact:
     """A contact of the old plan with what belongs to it.
 
     Attributes:
@@ -28,7 +28,7 @@ class KeptSegment:
     segment: Segment
 
 
-def kept_segments(plan: Plan, object: str) -> list[KeptSegment]:
+def planned_contacts(plan: Plan, object: str) -> list[PlannedContact]:
     """The contacts on an object in their order, each with the transits before and after it."""
     time = plan.trajectory.time
     found, first = [], 0
@@ -40,12 +40,12 @@ def kept_segments(plan: Plan, object: str) -> list[KeptSegment]:
         last = index_at(time, after.end if leaves else segment.end)
         if segment.object == object:
             ends = index_at(time, segment.start), index_at(time, segment.end)
-            found.append(KeptSegment(first, *ends, last, segment))
+            found.append(PlannedContact(first, *ends, last, segment))
         first = last
     return found
 
 
-def contact_of(plan: Plan, kept: KeptSegment) -> ContactPoint:
+def contact_of(plan: Plan, kept: PlannedContact) -> ContactPoint:
     """The contact of a segment; its approach is opposite to how the hand leaves it, or the hand's z axis.
 
     Where on the surface it touches is not in a plan: point and normal are taken from the end effector.

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hmap.perception.detected_objects import DetectedObjects
 from hmap.perception.pictures import Picture
-from hmap.perception.strangers import Strangers
 from hmap_core.scenes import load_scene
 from hmap_core.simulation.camera import intrinsics
 from hmap_core.simulation.dynamic import sphere
@@ -37,54 +37,54 @@ def picture(world, scene, time: float) -> Picture:
 
 
 def test_what_the_scene_has_is_no_stranger(world, scene):
-    strangers = Strangers(scene)
-    assert not strangers.look(picture(world, scene, 0.0))
-    assert not strangers.bodies
+    detected_objects = DetectedObjects(scene)
+    assert not detected_objects.look(picture(world, scene, 0.0))
+    assert not detected_objects.bodies
 
 
 def test_a_ball_is_seen_followed_and_forgotten(world, scene):
-    strangers = Strangers(scene)
+    detected_objects = DetectedObjects(scene)
     world.add_body(sphere("ball", RADIUS, PLACE))
-    assert strangers.look(picture(world, scene, 0.0))
-    seen = strangers.bodies["ball"]
+    assert detected_objects.look(picture(world, scene, 0.0))
+    seen = detected_objects.bodies["ball"]
     assert seen.shapes[0].kind is ShapeKind.SPHERE and seen.kind is BodyKind.FIXED
     assert np.linalg.norm(seen.pose[:3] - PLACE) < NEAR
-    assert not strangers.look(picture(world, scene, 1.0))  # where it was
+    assert not detected_objects.look(picture(world, scene, 1.0))  # where it was
     world.move_body("ball", sphere("ball", RADIUS, ELSEWHERE).pose)
-    assert strangers.look(picture(world, scene, 2.0))
-    assert np.linalg.norm(strangers.bodies["ball"].pose[:3] - ELSEWHERE) < NEAR
+    assert detected_objects.look(picture(world, scene, 2.0))
+    assert np.linalg.norm(detected_objects.bodies["ball"].pose[:3] - ELSEWHERE) < NEAR
     world.remove_body("ball")
-    assert strangers.look(picture(world, scene, 3.0))
-    assert not strangers.bodies
+    assert detected_objects.look(picture(world, scene, 3.0))
+    assert not detected_objects.bodies
 
 
 def test_a_name_that_no_body_may_have_is_replaced(world, scene):
-    strangers = Strangers(scene)
+    detected_objects = DetectedObjects(scene)
     world.add_body(sphere("ball", RADIUS, PLACE))
     seen = picture(world, scene, 0.0)
     number = seen.names.pop("ball")
-    strangers.look(replace(seen, names=seen.names | {"coffee mug #2": number}))
-    assert set(strangers.bodies) == {f"thing_{number}"}
+    detected_objects.look(replace(seen, names=seen.names | {"coffee mug #2": number}))
+    assert set(detected_objects.bodies) == {f"thing_{number}"}
 
 
 def test_what_is_hidden_stays_where_it_was_seen_last(world, scene):
-    strangers = Strangers(scene)
+    detected_objects = DetectedObjects(scene)
     world.add_body(sphere("ball", RADIUS, PLACE))
-    strangers.look(picture(world, scene, 0.0))
+    detected_objects.look(picture(world, scene, 0.0))
     screen = sphere("screen", 0.2, PLACE + 0.3 * (scene.cameras["overhead"].pose[:3] - PLACE))
     world.add_body(screen)
-    strangers.look(picture(world, scene, 1.0))
-    assert np.linalg.norm(strangers.bodies["ball"].pose[:3] - PLACE) < NEAR
+    detected_objects.look(picture(world, scene, 1.0))
+    assert np.linalg.norm(detected_objects.bodies["ball"].pose[:3] - PLACE) < NEAR
 
 
 def test_a_box_on_the_table_is_a_box_that_stands_on_it(world, scene):
-    strangers = Strangers(scene)
+    detected_objects = DetectedObjects(scene)
     size, top = (0.1, 0.12, 0.08), 0.05
     shape = Shape(ShapeKind.BOX, size)
     box = replace(sphere("box", RADIUS, np.array([-0.2, -0.5, top + 0.5 * size[2]])), shapes=(shape,))
     world.add_body(box)
-    strangers.look(picture(world, scene, 0.0))
-    seen = strangers.bodies["box"]
+    detected_objects.look(picture(world, scene, 0.0))
+    seen = detected_objects.bodies["box"]
     assert seen.shapes[0].kind is ShapeKind.BOX
     assert np.linalg.norm(seen.pose[:3] - box.pose[:3]) < 2 * NEAR
     assert seen.pose[2] - 0.5 * seen.shapes[0].size[2] == pytest.approx(top, abs=NEAR)

@@ -66,7 +66,7 @@ def given_place(scene: Scene, name: str, keep_out: Sequence[Sweep]) -> list[np.n
     return [T]
 
 
-def removal_places(
+def placements_of(
     scene: Scene,
     state: SceneState,
     name: str,

@@ -6,8 +6,8 @@ from hmap_core import transforms
 from hmap_core.execution.stretches import index_at
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.planner.assembly import assemble, scene_at
-from hmap_core.planner.interfaces import Grip, RobotContact
-from hmap_core.planner.motion import put_down
+from hmap_core.planner.interfaces import RobotContact, ToolGrasp
+from hmap_core.planner.motion import place
 from hmap_core.types import ContactKind, ContactPoint, Plan, Scene, SceneState, Segment
 
 APPROACHED = 0.02  # m of the way to a grip that tell its direction
@@ -18,7 +18,7 @@ def tools_used(plan: Plan) -> set[str]:
     return {segment.manipulator for segment in plan.segments} & plan.scene.bodies.keys()
 
 
-def grip_at(plan: Plan, robot: str, tool: str, sample: int) -> Grip | None:
+def grip_at(plan: Plan, robot: str, tool: str, sample: int) -> ToolGrasp | None:
     """The hold in which a robot has a tool in its hand at a sample of a plan; None where it has not."""
     first = None
     for segment in reversed([s for s in plan.segments if s.robot == robot]):
@@ -30,14 +30,14 @@ def grip_at(plan: Plan, robot: str, tool: str, sample: int) -> Grip | None:
     return None if first is None else _grip(plan, robot, tool, index_at(plan.trajectory.time, first.start))
 
 
-def put_back(scene: Scene, state: SceneState, grip: Grip, seed: int, time_limit: float) -> Plan:
+def plan_place(scene: Scene, state: SceneState, grip: ToolGrasp, seed: int, time_limit: float) -> Plan:
     """The plan in which a tool in a hand is put where it was taken, from where everything is.
 
     Raises:
         MotionError: NO_MOTION.
     """
     rng = np.random.default_rng(seed)
-    motion = put_down(scene, state, grip.contact, grip.tool, grip.T_place, rng, time_limit)
+    motion = place(scene, state, grip.contact, grip.tool, grip.T_place, rng, time_limit)
     return assemble(scene_at(scene, state), state, [motion], np.zeros((0, 7)), {})
 
 
@@ -45,7 +45,7 @@ def _holds(segment: Segment, tool: str) -> bool:
     return tool in (segment.object, segment.manipulator)
 
 
-def _grip(plan: Plan, robot: str, tool: str, sample: int) -> Grip:
+def _grip(plan: Plan, robot: str, tool: str, sample: int) -> ToolGrasp:
     """The hold that begins at a sample; a hand leaves it in the direction from which it came."""
     q, placed = plan.trajectory.joints[robot], plan.scene.robots[robot]
     T_place = plan.trajectory.objects[tool][sample]
@@ -64,4 +64,4 @@ def _grip(plan: Plan, robot: str, tool: str, sample: int) -> Grip:
         opening=float(plan.trajectory.gripper[robot][sample]),
         approach=approach,
     )
-    return Grip(tool, RobotContact(robot, contact, 0, q[sample][None]), T_place)
+    return ToolGrasp(tool, RobotContact(robot, contact, 0, q[sample][None]), T_place)

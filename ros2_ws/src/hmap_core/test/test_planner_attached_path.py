@@ -10,10 +10,10 @@ from planner_fixtures import carry
 from hmap_core.exceptions import Code, ContactError
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner import LocalBackend
+from hmap_core.planner.attached_path import attached_paths, with_hand
 from hmap_core.planner.conflicts import object_clearances
 from hmap_core.planner.filters import InHand
-from hmap_core.planner.held_path import held_paths, with_hand
-from hmap_core.planner.interfaces import HeldPath
+from hmap_core.planner.interfaces import AttachedPath
 from hmap_core.transforms import pose
 from hmap_core.types import Body, BodyKind, ContactKind, Shape, ShapeKind
 from hmap_core.waypoints import NoObjectPath
@@ -44,7 +44,7 @@ def hands(scene):
 def paths(scene, hands, **changes):
     scene = replace(scene, **changes)
     rng = np.random.default_rng(0)
-    return list(held_paths(LocalBackend(), scene, scene.start_state(), scene.goal, hands, rng, 10.0))
+    return list(attached_paths(LocalBackend(), scene, scene.start_state(), scene.goal, hands, rng, 10.0))
 
 
 def test_the_hand_goes_with_the_object_past_what_stands_around(scene, hands):
@@ -85,15 +85,17 @@ def test_a_contact_is_handed_out_once_for_a_path(scene, hands):
     contact = hands[0][1]
     backend = SimpleNamespace(
         check_contacts=lambda *_: [SimpleNamespace(reach=1)],
-        **dict.fromkeys(("plan_waypoints", "solve_segment", "grips", "take", "put_down", "contacts_at_both_ends")),
+        **dict.fromkeys(
+            ("plan_waypoints", "solve_segment", "tool_grasps", "pick_tool", "place_tool", "contacts_at_both_ends")
+        ),
     )
     poses = np.tile(pose(), (2, 1))
-    in_hand = InHand(backend, HeldPath("brick", poses, "arm", contact))
+    in_hand = InHand(backend, AttachedPath("brick", poses, "arm", contact))
     assert in_hand.propose_contacts(scene, scene.start_state(), "brick", poses)
     with pytest.raises(ContactError):
         in_hand.propose_contacts(scene, scene.start_state(), "brick", poses)
     assert in_hand.propose_contacts(scene, scene.start_state(), "brick", poses + 1e-3)
-    assert in_hand.grips() == []
+    assert in_hand.tool_grasps() == []
 
 
 def test_contacts_at_both_ends_hold(scene, hands):
@@ -112,6 +114,6 @@ def test_what_could_be_put_aside_is_told_apart_from_what_stays(scene, hands):
 
     calls = iter(range(3))
     backend, rng = SimpleNamespace(plan_waypoints=blocked), np.random.default_rng(0)
-    found = list(held_paths(backend, scene, scene.start_state(), scene.goal, hands[:1] * 3, rng, 10.0))
+    found = list(attached_paths(backend, scene, scene.start_state(), scene.goal, hands[:1] * 3, rng, 10.0))
     assert [held.blockers for held in found] == [("lid",)]
     assert found[0].poses is free

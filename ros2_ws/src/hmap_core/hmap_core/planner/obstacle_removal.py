@@ -9,9 +9,9 @@ import numpy as np
 
 from hmap_core.exceptions import Code, HmapError, PlannerError
 from hmap_core.planner.assembly import state_after
-from hmap_core.planner.interfaces import Grip, HeldPath, SegmentMotion
+from hmap_core.planner.interfaces import AttachedPath, SubTrajectory, ToolGrasp
 from hmap_core.planner.obstruction import carried_by
-from hmap_core.planner.removal import given_place, removal_places
+from hmap_core.planner.placements import given_place, placements_of
 from hmap_core.planner.sweep import Sweep
 from hmap_core.types import Goal, Scene, SceneState
 
@@ -24,7 +24,7 @@ _FINAL = (Code.TIME_LIMIT, Code.CANCELED, Code.SERVICE_UNAVAILABLE)
 
 
 @dataclass(frozen=True)
-class Errand:
+class Subgoal:
     """What one instance of the algorithm brings where.
 
     Attributes:
@@ -44,7 +44,7 @@ class Errand:
     depth: int = 0
     alone: bool = False
     whole: bool = False
-    held: HeldPath | None = None
+    held: AttachedPath | None = None
     reason: str = "to its goal"
 
     def raise_if_alone(self, blocker: str) -> None:
@@ -54,7 +54,7 @@ class Errand:
 
 
 @dataclass(frozen=True)
-class Course:
+class SolutionSequence:
     """How far an attempt has come.
 
     Attributes:
@@ -66,12 +66,12 @@ class Course:
     """
 
     state: SceneState
-    motions: tuple[SegmentMotion, ...] = ()
+    motions: tuple[SubTrajectory, ...] = ()
     aside: tuple[str, ...] = ()
     depth: int = 0
-    grip: Grip | None = None
+    grip: ToolGrasp | None = None
 
-    def after(self, motion: SegmentMotion) -> "Course":
+    def after(self, motion: SubTrajectory) -> "SolutionSequence":
         """One motion later."""
         return replace(self, state=state_after(self.state, motion), motions=(*self.motions, motion))
 
@@ -81,23 +81,23 @@ class RemovalError(PlannerError):
 
 
 class BlockedError(RemovalError):
-    """Something else would have to go first, which may not be moved for this errand."""
+    """Something else would have to go first, which may not be moved for this subgoal."""
 
 
 class Instance(Protocol):
-    """What clearing needs of the planner."""
+    """What removal needs of the planner."""
 
     scene: Scene
     rng: np.random.Generator
 
-    def bring(self, errand: Errand, course: Course) -> Course:
+    def bring(self, subgoal: Subgoal, solution: SolutionSequence) -> SolutionSequence:
         """The whole algorithm for one object. Raises HmapError, of which TIME_LIMIT and the like end the job."""
         ...
 
 
-def may_go(scene: Scene, errand: Errand, course: Course) -> tuple[str, ...]:
-    """The bodies that an errand may put out of its way."""
-    stay = {errand.goal.object, scene.goal.object, *errand.busy, *course.aside}
+def may_go(scene: Scene, subgoal: Subgoal, solution: SolutionSequence) -> tuple[str, ...]:
+    """The bodies that an subgoal may put out of its way."""
+    stay = {subgoal.goal.object, scene.goal.object, *subgoal.busy, *solution.aside}
     return tuple(name for name in scene.removable if name not in stay)
 
 
@@ -108,8 +108,8 @@ def raise_if_final(error: HmapError) -> None:
 
 
 @dataclass
-class Clearing:
-    """Puts obstacles out of the way of an errand, in an order that works.
+class ObstacleRemoval:
+    """Puts obstacles out of the way of an subgoal, in an order that works.
 
     At most n removals are begun for each of n removable bodies, and none is tried twice in the same arrangement.
 
@@ -123,23 +123,25 @@ class Clearing:
     begun: int = 0
     failed: dict[tuple, HmapError] = field(default_factory=dict)
 
-    def clear(self, errand: Errand, course: Course, names: Sequence[str], ways: Sequence[Sweep]) -> Course:
+    def clear(
+        self, subgoal: Subgoal, solution: SolutionSequence, names: Sequence[str], ways: Sequence[Sweep]
+    ) -> SolutionSequence:
         """Puts bodies aside one after the other; those that cannot go yet come last.
 
         Args:
-            ways: where the errand's object, and what carries it, will pass.
+            ways: where the subgoal's object, and what carries it, will pass.
 
         Raises:
             RemovalError: one could not be put aside, with the reason.
         """
-        errand.raise_if_alone(names[0])
+        subgoal.raise_if_alone(names[0])
         waiting, failure = list(names), None
         while waiting:
             before = len(waiting)
             for name in list(waiting):
-                if name not in course.aside:
+                if name not in solution.aside:
                     try:
-                        course = self._remove(name, errand, course, ways, frozenset(waiting))
+                        solution = self._remove(name, subgoal, solution, ways, frozenset(waiting))
                     except HmapError as error:
                         raise_if_final(error)
                         failure = name, error
@@ -148,34 +150,36 @@ class Clearing:
             if len(waiting) == before:
                 name, error = failure
                 raise RemovalError(
-                    f"'{name}' is in the way of '{errand.goal.object}' and cannot be put aside: {error.reason}",
+                    f"'{name}' is in the way of '{subgoal.goal.object}' and cannot be put aside: {error.reason}",
                     error.code,
                 ) from error
-        return course
+        return solution
 
-    def _remove(self, name: str, errand: Errand, course: Course, ways, waiting: frozenset[str]) -> Course:
+    def _remove(
+        self, name: str, subgoal: Subgoal, solution: SolutionSequence, ways, waiting: frozenset[str]
+    ) -> SolutionSequence:
         """Puts one body aside; nothing is put on those that are ``waiting`` to go."""
         scene = self.planner.scene
         self._count()
-        key = name, errand.busy, tuple(T.tobytes() for T in course.state.poses.values())
+        key = name, subgoal.busy, tuple(T.tobytes() for T in solution.state.poses.values())
         if key in self.failed:
             raise self.failed[key]
-        keep_out = (*errand.keep_out, *ways)
-        own = Errand(
-            Goal(name, course.state.poses[name]),
-            errand.busy | {errand.goal.object},
+        keep_out = (*subgoal.keep_out, *ways)
+        own = Subgoal(
+            Goal(name, solution.state.poses[name]),
+            subgoal.busy | {subgoal.goal.object},
             keep_out,
-            errand.depth + 1,
-            reason=f"out of the way of '{errand.goal.object}'",
+            subgoal.depth + 1,
+            reason=f"out of the way of '{subgoal.goal.object}'",
         )
         try:
-            course = self._unload(name, own, course)
-            others = may_go(scene, own, course)
+            solution = self._unload(name, own, solution)
+            others = may_go(scene, own, solution)
             unsteady = waiting | own.busy | set(others)
-            found = removal_places(scene, course.state, name, keep_out, unsteady, self.planner.rng)
+            found = placements_of(scene, solution.state, name, keep_out, unsteady, self.planner.rng)
             given = given_place(scene, name, keep_out)
             moved = self._to_first(
-                given, islice(found, PLACES), replace(own, alone=True), own if others else None, course
+                given, islice(found, PLACES), replace(own, alone=True), own if others else None, solution
             )
         except HmapError as error:
             self.failed[key] = error
@@ -183,16 +187,16 @@ class Clearing:
         return replace(moved, aside=(*moved.aside, name), depth=max(moved.depth, own.depth))
 
     def _to_first(
-        self, given: Sequence[np.ndarray], places: Iterable[np.ndarray], alone: Errand, own: Errand | None, course
-    ) -> Course:
+        self, given: Sequence[np.ndarray], places: Iterable[np.ndarray], alone: Subgoal, own: Subgoal | None, solution
+    ) -> SolutionSequence:
         """Brings a body to the first place to which it can go.
 
         Args:
             given: what the task gives; places: those that are computed, the best first.
-            alone: the errand as long as nothing else is moved.
+            alone: the subgoal as long as nothing else is moved.
             own: that which may move others; None where there are none.
         """
-        tries = _Tries(self.planner, course)
+        tries = _Tries(self.planner, solution)
         found = tries.first(alone, given)
         if found is None:
             found = tries.first(replace(alone, whole=True), takewhile(lambda _: not tries.enough, places))
@@ -204,13 +208,13 @@ class Clearing:
             raise tries.failure or RemovalError(f"no place for '{alone.goal.object}' is free", Code.NO_OBJECT_PATH)
         return found
 
-    def _unload(self, name: str, own: Errand, course: Course) -> Course:
+    def _unload(self, name: str, own: Subgoal, solution: SolutionSequence) -> SolutionSequence:
         """Puts aside what stands on a body."""
-        load = carried_by(self.planner.scene, course.state, name)
-        stays = [other for other in load if other not in may_go(self.planner.scene, own, course)]
+        load = carried_by(self.planner.scene, solution.state, name)
+        stays = [other for other in load if other not in may_go(self.planner.scene, own, solution)]
         if stays:
             raise RemovalError(f"'{name}' carries '{stays[0]}', which may not be moved", Code.NO_OBJECT_PATH)
-        return self.clear(own, course, load, ()) if load else course
+        return self.clear(own, solution, load, ()) if load else solution
 
     def _count(self) -> None:
         most = len(self.planner.scene.removable) ** 2
@@ -228,8 +232,8 @@ class _Tries:
         failure: why the last try failed.
     """
 
-    def __init__(self, planner: Instance, course: Course):
-        self._planner, self._course = planner, course
+    def __init__(self, planner: Instance, solution: SolutionSequence):
+        self._planner, self._course = planner, solution
         self.blocked: list[np.ndarray] = []
         self.stuck: list[np.ndarray] = []
         self.failure: HmapError | None = None
@@ -240,11 +244,11 @@ class _Tries:
         """Whether further places are not likely to be better."""
         return len(self.blocked) >= PLACES_BLOCKED or self._without_contact >= PLACES_WITHOUT_CONTACT
 
-    def first(self, errand: Errand, places: Iterable[np.ndarray]) -> Course | None:
-        """The course after the errand to the first place that it gets to."""
+    def first(self, subgoal: Subgoal, places: Iterable[np.ndarray]) -> SolutionSequence | None:
+        """The solution after the subgoal to the first place that it gets to."""
         for T in places:
             try:
-                return self._planner.bring(replace(errand, goal=replace(errand.goal, pose=T)), self._course)
+                return self._planner.bring(replace(subgoal, goal=replace(subgoal.goal, pose=T)), self._course)
             except BlockedError as error:
                 self.failure = error
                 self.blocked.append(T)

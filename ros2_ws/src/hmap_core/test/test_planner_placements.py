@@ -8,7 +8,7 @@ from hmap_core.collision.convex import set_distance
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner.local import placed_bodies
 from hmap_core.planner.obstruction import carried_by, met
-from hmap_core.planner.removal import MIN_SPACE, given_place, level_faces, removal_places
+from hmap_core.planner.placements import MIN_SPACE, given_place, level_faces, placements_of
 from hmap_core.planner.sweep import joined, nearest, object_sweep, placed, robot_sweeps
 from hmap_core.transforms import interpolate, pose
 from hmap_core.waypoints import standing
@@ -17,7 +17,7 @@ APART_FROM_NOTHING = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])  # lifts a bo
 
 
 def places_of(scene, name, way=(), unsteady=frozenset(), seed=0) -> list[np.ndarray]:
-    return list(removal_places(scene, scene.start_state(), name, way, unsteady, np.random.default_rng(seed)))
+    return list(placements_of(scene, scene.start_state(), name, way, unsteady, np.random.default_rng(seed)))
 
 
 def brick_way(scene):

@@ -9,7 +9,7 @@ from hmap_core.execution.stretches import index_at
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import plan
 from hmap_core.planner.interruption import state_at
-from hmap_core.planner.put_back import grip_at, put_back, tools_used
+from hmap_core.planner.place_tool import grip_at, plan_place, tools_used
 from hmap_core.validation import check
 from hmap_core.validation.report import Kind
 
@@ -44,7 +44,7 @@ def test_the_grip_is_that_in_which_the_tool_was_taken(found):
 def test_it_is_put_there_from_the_middle_of_a_push_and_nothing_is_hit(found):
     k = while_pushing(found)
     state = state_at(found, k)
-    back = put_back(found.scene, state, grip_at(found, "arm", "stick", k), 0, TIME_LIMIT)
+    back = plan_place(found.scene, state, grip_at(found, "arm", "stick", k), 0, TIME_LIMIT)
     T_end = back.trajectory.objects["stick"][-1]
     moved, turned = transforms.distance(T_end, found.scene.bodies["stick"].pose)
     assert moved < 1e-3 and turned < 1e-2

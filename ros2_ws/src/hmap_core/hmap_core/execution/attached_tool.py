@@ -10,14 +10,14 @@ from hmap_core.types import Plan
 
 
 @dataclass(frozen=True)
-class ToolInHand:
+class AttachedTool:
     """A tool that a robot has taken.
 
     Attributes:
         robot, tool: names.
         contact_pose: (7,) of the end-effector frame in the tool's.
         opening: of the gripper that holds it, m.
-        q_place: (n,) posture in which it was taken.
+        q_place: (n,) configuration in which it was taken.
         T_place: (7,) where it stood, world.
     """
 
@@ -29,7 +29,7 @@ class ToolInHand:
     T_place: np.ndarray
 
 
-def tools_in_hand(plan: Plan, sample: int, before: Mapping[str, ToolInHand]) -> dict[str, ToolInHand]:
+def attached_tools(plan: Plan, sample: int, before: Mapping[str, AttachedTool]) -> dict[str, AttachedTool]:
     """Robot -> the tool in its hand at a sample of a plan; ``before`` are those with which the plan begins.
 
     A tool of which the plan does not say how it is held is left out.
@@ -43,7 +43,7 @@ def tools_in_hand(plan: Plan, sample: int, before: Mapping[str, ToolInHand]) -> 
         if tool is None:
             found.pop(robot, None)
         elif (robot not in found or found[robot].tool != tool) and segment.contact_pose is not None:
-            found[robot] = ToolInHand(
+            found[robot] = AttachedTool(
                 robot,
                 tool,
                 segment.contact_pose,

@@ -14,7 +14,7 @@ import numpy as np
 from hmap_core.exceptions import InputError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.shapes import box_round
-from hmap_core.planner.interfaces import Backend, HeldPath
+from hmap_core.planner.interfaces import AttachedPath, Backend
 from hmap_core.types import Body, ContactPoint, Goal, Robot, Scene, SceneState
 from hmap_core.waypoints import NoObjectPath
 
@@ -28,7 +28,7 @@ def with_hand(body: Body, robot: Robot, contact: ContactPoint) -> Body:
     return replace(body, shapes=(*body.shapes, *shapes))
 
 
-def held_paths(
+def attached_paths(
     backend: Backend,
     scene: Scene,
     state: SceneState,
@@ -37,7 +37,7 @@ def held_paths(
     rng: np.random.Generator,
     time_limit: float,
     checks: int = CHECKS,
-) -> Iterator[HeldPath]:
+) -> Iterator[AttachedPath]:
     """Paths of the goal's object to it with each of some hands (robot, contact) in turn, where there is one.
 
     The search for each ends after ``checks`` motions.
@@ -50,9 +50,9 @@ def held_paths(
         seed = int(rng.integers(2**31 - 1))
         try:
             poses = backend.plan_waypoints(around, state, object, goal, seed, time_limit, checks).poses
-            yield HeldPath(object, poses, robot, contact)
+            yield AttachedPath(object, poses, robot, contact)
         except NoObjectPath as error:
             if error.free_without and error.path_without is not None:
-                yield HeldPath(object, error.path_without.poses, robot, contact, error.free_without)
+                yield AttachedPath(object, error.path_without.poses, robot, contact, error.free_without)
         except InputError:
             continue  # a box round a link is larger than the link
