@@ -80,7 +80,7 @@ def test_of_eight_boxes_only_the_two_in_the_way_go(tmp_path):
     made = planner.plan()
     assert_valid(made, removed=2)
     assert set(moved(made)) == {"box_0", "box_1", "brick"}
-    assert planner.obstacle_removal.begun == 2
+    assert planner.removal.begun == 2
 
 
 def test_an_obstacle_that_cannot_be_moved_is_named(tmp_path):
