@@ -1,0 +1,238 @@
+"""Retired words stay out of the code and the docs; ``docs/concepts.md`` defines the terms that replace them.
+
+A retired word is found as an identifier, as a part of one (``old_posture``, ``POSTURES``) and in prose.
+The changelog is left out: it names what was renamed.
+"""
+
+import bisect
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SKIPPED = {"CHANGELOG.md", "tests/architecture/test_words.py"}
+FOLDERS = ("docs", "examples", "hmap_msgs_py", "ros2_ws/src", "tests", "tools")
+
+# Retired words as sequences of lower-case words, with what to write instead. ``put_down``, ``putDown`` and "put down"
+# are the same sequence.
+RETIRED = {
+    r"errands?": "subgoal",
+    r"courses?": "solution sequence",
+    r"segment motions?": "sub-trajectory (SubTrajectory)",
+    r"pieces? of (a )?(motion|plan|solution)s?": "sub-trajectory, segment",
+    r"(put|puts|putting) (down|back|aside|away)": "place, remove (an obstacle)",
+    r"take up": "pick",
+    r"holding": "attached object, grasp",
+    r"in (the |a |its )?hand": "attached (object, tool)",
+    r"held paths?": "attached path",
+    r"through the air": "transit",
+    r"air": "transit, free motion",
+    r"considerate": "predicate filter that keeps clear of other objects",
+    r"reminded": "cost term that prefers known contacts",
+    r"(worth|worths|worthiest|worthier)": "score, cost",
+    r"strangers?": "detected objects",
+    r"followers?": "plan executor; mimic joint",
+    r"observers?": "scene monitor",
+    r"postures?": "configuration",
+    r"(felt|feels?)": "active (set)",
+    r"(mend|mends|mended|mending)": "repair",
+    r"activity": "detection distance",
+    r"margins?": "minimum distance",
+    r"hints?": "cached GJK guess",
+}
+# Retired identifiers, with their case, that are ordinary words otherwise.
+RETIRED_NAMES = {
+    r"_Piece\b": "SubTrajectory",
+    r"\bclass Air\b": "Transit",
+    r"\bWhole\b(?=[(,:)]|$)": "predicate filter for contacts that serve the whole path",
+    r"\bdef _?(take|put)\(": "pick, place",
+    r"\b_attempt\(": "a name that says what is attempted",
+}
+# What contains a retired word and means something else.
+ALLOWED = (
+    r"\btype hints?\b",
+    r"\bof course\b",
+    r"\b(STABLE|SUPPORT|ANSWER|LIMIT)_MARGIN\b",
+)
+# Files whose words are still being replaced. The list may only shrink: a file without retired words must not be on it.
+NOT_CONVERTED = {
+    "README.md",
+    "docs/example.md",
+    "docs/execution.md",
+    "docs/graph.md",
+    "docs/komo.md",
+    "docs/plan_file.md",
+    "docs/planner.md",
+    "docs/results.md",
+    "docs/scenes.md",
+    "docs/waypoints.md",
+    "ros2_ws/src/hmap/hmap/nodes/komo_optimiser.py",
+    "ros2_ws/src/hmap/hmap/nodes/perception.py",
+    "ros2_ws/src/hmap/hmap/nodes/supervisor.py",
+    "ros2_ws/src/hmap/hmap/supervision/follower.py",
+    "ros2_ws/src/hmap/hmap/supervision/scene_monitor.py",
+    "ros2_ws/src/hmap/test/test_detected_objects.py",
+    "ros2_ws/src/hmap/test/test_node_conversions.py",
+    "ros2_ws/src/hmap/test/test_remote_backend.py",
+    "ros2_ws/src/hmap/test/test_scene_monitor.py",
+    "ros2_ws/src/hmap/test/test_supervisor_planning.py",
+    "ros2_ws/src/hmap_core/hmap_core/benchmark/loop.py",
+    "ros2_ws/src/hmap_core/hmap_core/benchmark/problems/contact_ik.py",
+    "ros2_ws/src/hmap_core/hmap_core/benchmark/problems/pick_place.py",
+    "ros2_ws/src/hmap_core/hmap_core/benchmark/problems/puck.py",
+    "ros2_ws/src/hmap_core/hmap_core/benchmark/problems/push_step.py",
+    "ros2_ws/src/hmap_core/hmap_core/benchmark/problems/tunnel_push.py",
+    "ros2_ws/src/hmap_core/hmap_core/benchmark/problems/two_arm.py",
+    "ros2_ws/src/hmap_core/hmap_core/benchmark/rai_side.py",
+    "ros2_ws/src/hmap_core/hmap_core/benchmark/sampling.py",
+    "ros2_ws/src/hmap_core/hmap_core/benchmark/scaling.py",
+    "ros2_ws/src/hmap_core/hmap_core/cli/main.py",
+    "ros2_ws/src/hmap_core/hmap_core/collision/gjk.py",
+    "ros2_ws/src/hmap_core/hmap_core/contacts/feasibility.py",
+    "ros2_ws/src/hmap_core/hmap_core/contacts/hand.py",
+    "ros2_ws/src/hmap_core/hmap_core/contacts/hand_reach.py",
+    "ros2_ws/src/hmap_core/hmap_core/contacts/hold.py",
+    "ros2_ws/src/hmap_core/hmap_core/contacts/push_path.py",
+    "ros2_ws/src/hmap_core/hmap_core/contacts/scoring.py",
+    "ros2_ws/src/hmap_core/hmap_core/execution/attached_tool.py",
+    "ros2_ws/src/hmap_core/hmap_core/execution/closed_loop.py",
+    "ros2_ws/src/hmap_core/hmap_core/execution/stretches.py",
+    "ros2_ws/src/hmap_core/hmap_core/kinematics/arm.py",
+    "ros2_ws/src/hmap_core/hmap_core/komo/allowances.py",
+    "ros2_ws/src/hmap_core/hmap_core/komo/clearances.py",
+    "ros2_ws/src/hmap_core/hmap_core/komo/manipulation.py",
+    "ros2_ws/src/hmap_core/hmap_core/komo/skeleton.py",
+    "ros2_ws/src/hmap_core/hmap_core/komo/skeleton_problem.py",
+    "ros2_ws/src/hmap_core/hmap_core/komo/solver.py",
+    "ros2_ws/src/hmap_core/hmap_core/komo/surroundings.py",
+    "ros2_ws/src/hmap_core/hmap_core/komo/timeline.py",
+    "ros2_ws/src/hmap_core/hmap_core/komo/transcription.py",
+    "ros2_ws/src/hmap_core/hmap_core/planner/algorithm.py",
+    "ros2_ws/src/hmap_core/hmap_core/planner/filters.py",
+    "ros2_ws/src/hmap_core/hmap_core/planner/free_motion.py",
+    "ros2_ws/src/hmap_core/hmap_core/planner/interfaces.py",
+    "ros2_ws/src/hmap_core/hmap_core/planner/lifting.py",
+    "ros2_ws/src/hmap_core/hmap_core/planner/local.py",
+    "ros2_ws/src/hmap_core/hmap_core/planner/motion.py",
+    "ros2_ws/src/hmap_core/hmap_core/planner/obstacle_removal.py",
+    "ros2_ws/src/hmap_core/hmap_core/planner/place_tool.py",
+    "ros2_ws/src/hmap_core/hmap_core/planner/placements.py",
+    "ros2_ws/src/hmap_core/hmap_core/planner/preconditions.py",
+    "ros2_ws/src/hmap_core/hmap_core/planner/repair.py",
+    "ros2_ws/src/hmap_core/hmap_core/planner/tools.py",
+    "ros2_ws/src/hmap_core/hmap_core/planner/transit.py",
+    "ros2_ws/src/hmap_core/hmap_core/planner/transit_search.py",
+    "ros2_ws/src/hmap_core/hmap_core/scenes/collision_pairs.py",
+    "ros2_ws/src/hmap_core/hmap_core/scenes/fields.py",
+    "ros2_ws/src/hmap_core/hmap_core/scenes/grippers.py",
+    "ros2_ws/src/hmap_core/hmap_core/scenes/loader.py",
+    "ros2_ws/src/hmap_core/hmap_core/scenes/robots.py",
+    "ros2_ws/src/hmap_core/hmap_core/scenes/scene_data.py",
+    "ros2_ws/src/hmap_core/hmap_core/scenes/urdf.py",
+    "ros2_ws/src/hmap_core/hmap_core/simulation/robots.py",
+    "ros2_ws/src/hmap_core/hmap_core/simulation/settings.py",
+    "ros2_ws/src/hmap_core/hmap_core/types.py",
+    "ros2_ws/src/hmap_core/hmap_core/validation/support.py",
+    "ros2_ws/src/hmap_core/hmap_core/waypoints/checker.py",
+    "ros2_ws/src/hmap_core/hmap_core/waypoints/grounded.py",
+    "ros2_ws/src/hmap_core/hmap_core/waypoints/plan.py",
+    "ros2_ws/src/hmap_core/hmap_core/waypoints/search.py",
+    "ros2_ws/src/hmap_core/test/gripper_fixtures.py",
+    "ros2_ws/src/hmap_core/test/plan_fixtures.py",
+    "ros2_ws/src/hmap_core/test/test_benchmark_judge.py",
+    "ros2_ws/src/hmap_core/test/test_benchmark_loop.py",
+    "ros2_ws/src/hmap_core/test/test_benchmark_problems.py",
+    "ros2_ws/src/hmap_core/test/test_collision_sets.py",
+    "ros2_ws/src/hmap_core/test/test_contacts_fitting.py",
+    "ros2_ws/src/hmap_core/test/test_contacts_held.py",
+    "ros2_ws/src/hmap_core/test/test_contacts_push.py",
+    "ros2_ws/src/hmap_core/test/test_drift.py",
+    "ros2_ws/src/hmap_core/test/test_execute.py",
+    "ros2_ws/src/hmap_core/test/test_feasibility.py",
+    "ros2_ws/src/hmap_core/test/test_free_motion.py",
+    "ros2_ws/src/hmap_core/test/test_grippers.py",
+    "ros2_ws/src/hmap_core/test/test_kinematics_arm.py",
+    "ros2_ws/src/hmap_core/test/test_kinematics_free_body.py",
+    "ros2_ws/src/hmap_core/test/test_komo_crosscheck.py",
+    "ros2_ws/src/hmap_core/test/test_komo_skeleton.py",
+    "ros2_ws/src/hmap_core/test/test_komo_solver.py",
+    "ros2_ws/src/hmap_core/test/test_planner_algorithm.py",
+    "ros2_ws/src/hmap_core/test/test_planner_attached_path.py",
+    "ros2_ws/src/hmap_core/test/test_planner_diagnosis.py",
+    "ros2_ws/src/hmap_core/test/test_planner_lifting.py",
+    "ros2_ws/src/hmap_core/test/test_planner_place_tool.py",
+    "ros2_ws/src/hmap_core/test/test_planner_removal.py",
+    "ros2_ws/src/hmap_core/test/test_planner_tools.py",
+    "ros2_ws/src/hmap_core/test/test_planner_transit.py",
+    "ros2_ws/src/hmap_core/test/test_preconditions.py",
+    "ros2_ws/src/hmap_core/test/test_repair.py",
+    "ros2_ws/src/hmap_core/test/test_simulation_world.py",
+    "ros2_ws/src/hmap_core/test/test_validation_valid.py",
+    "ros2_ws/src/hmap_core/test/test_waypoints_grounded.py",
+    "ros2_ws/src/hmap_core/test/validation_fixtures.py",
+    "ros2_ws/src/hmap_scenes/test/test_tasks.py",
+    "tests/architecture/test_docstrings.py",
+}
+
+TOKEN = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
+
+
+def sources() -> list[Path]:
+    """Python files and pages of the repository, without what builds and environments leave in it."""
+    inside = [path for folder in FOLDERS for kind in ("*.py", "*.md") for path in (ROOT / folder).rglob(kind)]
+    kept = [path for path in (*ROOT.glob("*.md"), *inside) if name_of(path) not in SKIPPED]
+    built = {"build", "install", "log", "node_modules", "__pycache__"}
+    return sorted(p for p in kept if not built & set(p.relative_to(ROOT).parts) and not p.is_symlink())
+
+
+def name_of(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def occurrences(text: str) -> list[tuple[int, str, str]]:
+    """Line, retired word and replacement of every retired word in a text."""
+    for allowed in ALLOWED:
+        text = re.sub(allowed, lambda match: " " * len(match.group()), text)
+    tokens = list(TOKEN.finditer(text))
+    words = [token.group().lower() for token in tokens]
+    starts = [0]
+    for word in words:
+        starts.append(starts[-1] + len(word) + 1)
+    joined = " ".join(words)
+    found = []
+    for pattern, replacement in RETIRED.items():
+        for match in re.finditer(rf"\b(?:{pattern})\b", joined):
+            token = tokens[bisect.bisect_right(starts, match.start()) - 1]
+            found.append((token.start(), match.group(), replacement))
+    for pattern, replacement in RETIRED_NAMES.items():
+        found += [(m.start(), m.group().strip("("), replacement) for m in re.finditer(pattern, text, re.MULTILINE)]
+    return [(text.count("\n", 0, at) + 1, word, replacement) for at, word, replacement in sorted(found)]
+
+
+@pytest.mark.parametrize("path", sources(), ids=name_of)
+def test_no_retired_words(path):
+    name = name_of(path)
+    found = occurrences(path.read_text(encoding="utf-8"))
+    if name in NOT_CONVERTED:
+        assert found, f"{name} has no retired word any more: remove it from NOT_CONVERTED"
+    else:
+        wrong = [f"{name}:{line}: {word!r} is retired; write: {new}" for line, word, new in found]
+        assert not wrong, "\n".join(wrong)
+
+
+def test_listed_files_exist():
+    assert {name for name in NOT_CONVERTED if not (ROOT / name).is_file()} == set()
+
+
+def test_checker_sees_what_it_should():
+    text = "put_down = Posture()\nof course the pair is airtight\n# what is put\n"
+    text += "# aside: MARGINS, STABLE_MARGIN\nclass Air:\n"
+    assert [(line, word) for line, word, _ in occurrences(text)] == [
+        (1, "put down"),
+        (1, "posture"),
+        (3, "put aside"),
+        (4, "margins"),
+        (5, "class Air"),
+        (5, "air"),
+    ]
