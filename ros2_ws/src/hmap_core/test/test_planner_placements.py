@@ -11,7 +11,7 @@ from hmap_core.planner.obstruction import carried_by, met
 from hmap_core.planner.placements import MIN_SPACE, given_place, level_faces, placements_of
 from hmap_core.planner.sweep import joined, nearest, object_sweep, placed, robot_sweeps
 from hmap_core.transforms import interpolate, pose
-from hmap_core.waypoints import standing
+from hmap_core.waypoints import stable_poses
 
 APART_FROM_NOTHING = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])  # lifts a body by 1 m
 
@@ -33,7 +33,7 @@ def test_places_are_stable_free_and_clear_of_the_way(tmp_path):
     assert len(places) >= 8
     for T in places:
         poses = np.array([T + APART_FROM_NOTHING, T])
-        assert standing(scene.bodies["two"], poses, around)[1]
+        assert stable_poses(scene.bodies["two"], poses, around)[1]
         own = body_set(scene.bodies["two"])
         for other in around:
             assert set_distance(own, T, body_set(other), state.poses[other.name]) >= -1e-9

@@ -10,10 +10,10 @@ from hmap_core.transforms import IDENTITY, interpolate, pose
 from hmap_core.types import BodyKind, Shape, ShapeKind
 from hmap_core.waypoints import DEFAULT_MIN_DISTANCE, ObjectPathProblem
 from hmap_core.waypoints.checker import Geometry, ObjectChecker, ObstacleShapes
-from hmap_core.waypoints.effort import Effort
 from hmap_core.waypoints.kernels import between, length
 from hmap_core.waypoints.rrt import rrt_path
 from hmap_core.waypoints.search import search_bounds
+from hmap_core.waypoints.search_budget import SearchBudget
 from hmap_core.waypoints.shorten import relax, smooth
 from hmap_core.waypoints.support import Support, centre_of_mass
 
@@ -83,7 +83,7 @@ def test_the_trees_alone_are_repeatable_and_right(problem, planar, walls):
         checker = checker_of(problem, planar)
         bounds = search_bounds(problem, checker)
         rng = np.random.default_rng(seed)
-        path = rrt_path(checker, [problem.start], [problem.goal], bounds, rng, Effort(30.0), scale=8)
+        path = rrt_path(checker, [problem.start], [problem.goal], bounds, rng, SearchBudget(30.0), scale=8)
         return path, smooth(checker, path, rng)
 
     first, other, again = solve(3), solve(4), solve(3)

@@ -11,7 +11,7 @@ import pytest
 from hmap_core import transforms
 from hmap_core.scenes import list_tasks, load_scene
 from hmap_core.types import Body, BodyKind, Scene, Shape, ShapeKind, TaskMode
-from hmap_core.waypoints import NoObjectPath, ObjectPathProblem, plan_waypoints, standing
+from hmap_core.waypoints import NoObjectPath, ObjectPathProblem, plan_waypoints, stable_poses
 
 SEEDS = range(20)
 TOUCHING = 1e-9  # m; a body that rests on another overlaps it by no more than this
@@ -94,7 +94,7 @@ def test_the_objects_rest_on_something(task: str) -> None:
         places.append((scene.goal.object, scene.goal.pose))
     for name, pose in places:
         fixed = tuple(body for body in scene.bodies.values() if body.kind is BodyKind.FIXED)
-        assert standing(scene.bodies[name], pose[None], fixed)[0], name
+        assert stable_poses(scene.bodies[name], pose[None], fixed)[0], name
         touching = _deepest(_at(scene.bodies[name], pose), fixed)
         assert abs(touching) <= TOUCHING, name
 

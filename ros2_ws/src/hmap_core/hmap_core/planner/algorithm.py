@@ -35,7 +35,7 @@ from hmap_core.planner.tools import attach_tool, tools_of, with_tool_attached, w
 from hmap_core.transforms import inverse, multiply, quaternion_multiply
 from hmap_core.types import ContactPoint, Goal, Plan, Scene, SceneState, SegmentKind, TaskMode
 from hmap_core.validation import check
-from hmap_core.waypoints import NoObjectPath, ObjectPath, ObjectPathProblem, slid_first
+from hmap_core.waypoints import NoObjectPath, ObjectPath, ObjectPathProblem, slide_then_lift
 
 J_MAX = 40  # contacts tried at one waypoint before new waypoints are asked for (the paper's j_max)
 WAYPOINT_ROUNDS = 6  # object paths tried
@@ -314,7 +314,7 @@ class Planner:
             return
         object, state = subgoal.goal.object, with_tool_placed(solution.state, solution.grip)
         around = placed_bodies(self.scene, state, object)
-        slid = slid_first(ObjectPathProblem(self.scene.bodies[object], poses[0], poses[-1], around), poses)
+        slid = slide_then_lift(ObjectPathProblem(self.scene.bodies[object], poses[0], poses[-1], around), poses)
         if slid is not None:
             yield slid
         known, pushes = [poses], self._pushes(state, object, poses)

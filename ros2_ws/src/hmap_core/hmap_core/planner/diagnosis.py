@@ -14,7 +14,7 @@ from hmap_core.planner.local import LocalBackend, placed_bodies
 from hmap_core.planner.obstruction import LIFT
 from hmap_core.transforms import multiply
 from hmap_core.types import ContactPoint, Robot, Scene, SceneState
-from hmap_core.waypoints import standing
+from hmap_core.waypoints import stable_poses
 
 BATCHES = 2  # of contacts that are looked at
 TOO_FAR = "too far for the arm"
@@ -27,7 +27,7 @@ def why_no_contact(scene: Scene, state: SceneState, object: str, T: np.ndarray, 
     there.poses[object] = T
     around = placed_bodies(scene, there, object)
     reasons = [_of_robot(scene, there, object, robot, around, np.random.default_rng(seed)) for robot in scene.robots]
-    if not standing(scene.bodies[object], np.array([T + LIFT, T]), around)[1]:
+    if not stable_poses(scene.bodies[object], np.array([T + LIFT, T]), around)[1]:
         reasons.insert(0, "it does not stand there by itself")
     return "; ".join(reasons)
 

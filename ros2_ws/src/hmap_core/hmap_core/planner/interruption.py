@@ -14,7 +14,7 @@ from hmap_core.planner.motion import FREE_ACCELERATION, FREE_SPEED, HOLD_ACCELER
 from hmap_core.planner.planned_contacts import PlannedContact, contact_of, planned_contacts
 from hmap_core.simulation.controllers import JointTrajectory
 from hmap_core.types import Plan, Scene, SceneState
-from hmap_core.waypoints import standing
+from hmap_core.waypoints import stable_poses
 
 AT_THE_RETREAT = 0.002  # m short of where the hand draws back to
 THERE = 1e-4  # rad; a joint that has less to go is there
@@ -64,7 +64,7 @@ def stable_sample(plan: Plan, contact: PlannedContact, at: float) -> int:
     poses = plan.trajectory.objects[contact.segment.object][rows]
     name = contact.segment.object
     others = placed_bodies(plan.scene, state_at(plan, int(rows[-1])), name)
-    stands = np.flatnonzero(standing(plan.scene.bodies[name], poses, others))
+    stands = np.flatnonzero(stable_poses(plan.scene.bodies[name], poses, others))
     return int(rows[stands[-1]]) if len(stands) else contact.begin
 
 

@@ -33,7 +33,7 @@ from hmap_core.waypoints import (
     ObjectPath,
     ObjectPathProblem,
     plan_waypoints,
-    standing,
+    stable_poses,
 )
 from hmap_core.waypoints.checker import Geometry, ObjectChecker
 
@@ -385,7 +385,7 @@ class LocalBackend:
         """Where on its way (M, 7) a body stands by itself, (M,)."""
         key = id(body_set(body)), poses.tobytes(), *((id(body_set(b)), b.pose.tobytes()) for b in obstacles)
         if key != self._stands[0]:
-            self._stands = key, standing(body, poses, obstacles)
+            self._stands = key, stable_poses(body, poses, obstacles)
         return self._stands[1]
 
     def _seen(self, scene: Scene, state: SceneState, object: str, T: np.ndarray, rng) -> Cloud:

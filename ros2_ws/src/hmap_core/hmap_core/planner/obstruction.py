@@ -11,7 +11,7 @@ from hmap_core.planner.interfaces import RobotContact, SubTrajectory, ToolGrasp
 from hmap_core.planner.local import placed_bodies
 from hmap_core.planner.sweep import Sweep, motion_sweeps, nearest, placed
 from hmap_core.types import BodyKind, Scene, SceneState
-from hmap_core.waypoints import standing
+from hmap_core.waypoints import stable_poses
 
 PENETRATION = 1e-3  # m that a body may be inside another, as the judge of plans allows
 HAND_MIN_DISTANCE = 0.005  # m that links and what they carry keep from other bodies, and a little more
@@ -64,7 +64,7 @@ def carried_by(scene: Scene, state: SceneState, name: str) -> tuple[str, ...]:
         around = placed_bodies(scene, state, other)
         poses = np.array([T + LIFT, T])
         left = tuple(b for b in around if b.name != name)
-        if standing(body, poses, around)[1] and not standing(body, poses, left)[1]:
+        if stable_poses(body, poses, around)[1] and not stable_poses(body, poses, left)[1]:
             found.append(other)
     return tuple(found)
 

@@ -14,7 +14,7 @@ from hmap_core.planner.local import placed_bodies
 from hmap_core.planner.sweep import Sweep, joined, nearest, placed
 from hmap_core.transforms import IDENTITY, apply, from_rpy, multiply, rotation_matrix
 from hmap_core.types import BodyKind, Scene, SceneState
-from hmap_core.waypoints import standing
+from hmap_core.waypoints import stable_poses
 from hmap_core.waypoints.support import FACE_TOLERANCE, feet
 
 SAMPLES = 256  # places looked at on each face
@@ -144,7 +144,7 @@ class _Search:
         if not len(positions):
             return []
         poses = np.column_stack([positions, np.tile(turned[3:], (len(positions), 1))])
-        holds = standing(self.scene.bodies[self.name], np.vstack([self.T, poses]), self.standing_bodies)[1:]
+        holds = stable_poses(self.scene.bodies[self.name], np.vstack([self.T, poses]), self.standing_bodies)[1:]
         around = self._above(face.height)
         half = 0.5 * np.ptp(self.shapes.vertices @ rotation_matrix(turned).T, axis=0)[:2].min()  # as far over the edge
         poses = poses[holds]

@@ -1,10 +1,10 @@
-"""Algorithm 2: the path of the object alone, cut into waypoints."""
+"""Algorithm 2: the path of the object without a robot, and its waypoints."""
 
-from hmap_core.waypoints.grounded import slid_first
 from hmap_core.waypoints.plan import DEFAULT_TIME_LIMIT, plan_waypoints
 from hmap_core.waypoints.problem import DEFAULT_MIN_DISTANCE, NoObjectPath, ObjectPath, ObjectPathProblem
 from hmap_core.waypoints.shorten import smooth
-from hmap_core.waypoints.standing import standing
+from hmap_core.waypoints.slide_then_lift import slide_then_lift
+from hmap_core.waypoints.stable_poses import stable_poses
 
 __all__ = [
     "DEFAULT_MIN_DISTANCE",
@@ -13,7 +13,7 @@ __all__ = [
     "ObjectPath",
     "ObjectPathProblem",
     "plan_waypoints",
-    "slid_first",
+    "slide_then_lift",
     "smooth",
-    "standing",
+    "stable_poses",
 ]

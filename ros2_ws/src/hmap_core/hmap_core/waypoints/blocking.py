@@ -1,27 +1,27 @@
-"""Which bodies have to go so that the object has a path: as few as a linear number of searches finds."""
+"""Which removable bodies block the object's path: a small set of removals, found with a linear number of searches."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from hmap_core.waypoints.checker import Geometry, ObjectChecker, recentred
-from hmap_core.waypoints.effort import Effort
 from hmap_core.waypoints.problem import ObjectPathProblem
 from hmap_core.waypoints.resample import resample
 from hmap_core.waypoints.rrt import ROUNDS, rrt_path
 from hmap_core.waypoints.search import Corners, ObjectSearch, search_bounds
+from hmap_core.waypoints.search_budget import SearchBudget
 
-# rounds of a search that decides whether one body may stay
+# rounds of a search that tests whether one body can stay in place
 ROUNDS_PER_BODY = 1
-# other ways that are looked at to see whether they need fewer bodies gone
+# other paths that are tested for needing fewer removals
 ALTERNATIVES = 3
 
 
 @dataclass(frozen=True)
 class Removal:
-    """Bodies to put out of the way, and a path that is free when they have gone."""
+    """Bodies to move out of the way, and a path that is free without them."""
 
-    names: tuple[str, ...]  # in the order of the stretches of the path that run into them
+    names: tuple[str, ...]  # in the order in which the path hits them
     corners: Corners
 
 
@@ -30,96 +30,108 @@ def fewest_removals(
     found: Corners,
     needed: frozenset[str],
     rng: np.random.Generator,
-    effort: Effort,
+    budget: SearchBudget,
 ) -> Removal:
-    """Bodies without which there is a path; none of them could stay, as far as the searches can tell.
+    """Find bodies whose removal makes a path possible.
 
-    A path through all removable bodies tells which have to go for it. Those of them that could stay while the others go
-    are found one by one. What is left belongs to one way; with all of these bodies in their places, then with
-    single ones, other ways are sought, and one that needs fewer is taken. The exact minimum is NP-hard (Hauser, "The
-    minimum constraint removal problem with three robotics applications", IJRR 2014); here the number of
-    searches is at most (2 + ALTERNATIVES) times the number of bodies.
+    A path through all removable bodies determines which of them it runs into. Each of these that can stay while the
+    others are removed is found and stays. The rest belongs to one path. The search then keeps all of these bodies in
+    place, then single ones, and looks for other paths; a path with fewer removals replaces the first. The exact
+    minimum is NP-hard (Hauser, "The minimum constraint removal problem with three robotics applications", IJRR 2014).
+    The number of searches is at most (2 + ALTERNATIVES) times the number of bodies.
 
     Args:
-        problem: the problem with all its obstacles; known to have no path.
-        found: a path without any of the removable ones.
-        needed: removable bodies that stand where the object has to go.
+        problem: the problem with all its obstacles; it is known to have no path.
+        found: a path that is free without the removable bodies.
+        needed: removable bodies that overlap the object's goal pose.
         rng: the only source of randomness.
-        effort: what may be done at most; then what is known is the answer.
+        budget: limit of the search; if it is exhausted, the best result so far is returned.
+
+    Returns:
+        The bodies to remove, and a path without them. As far as the searches can tell, none of the bodies can stay.
     """
-    best = _Fewest(problem, needed, rng, effort).search(found)
+    best = _RemovalSearch(problem, needed, rng, budget).search(found)
     checker = checker_like(best.corners, problem.without(frozenset(best.names)))
     return Removal(best.names, Corners(best.corners.poses, checker, best.corners.middle))
 
 
-class _Fewest:
-    def __init__(self, problem, needed, rng, effort: Effort):
-        self.problem, self.needed, self.rng, self.effort = problem, needed, rng, effort
-        self.vital = set(needed)  # have to go whatever else goes
+class _RemovalSearch:
+    def __init__(self, problem, needed, rng, budget: SearchBudget):
+        self.problem, self.needed, self.rng, self.budget = problem, needed, rng, budget
+        self.unavoidable = set(needed)  # bodies that every path needs to have removed
 
     def search(self, found: Corners) -> Removal:
-        best = self._trimmed(self._of(found), np.inf)
+        best = self._reduced(self._removal(found), np.inf)
         left = ALTERNATIVES
-        questions = self._questions(best)
-        while questions and left and len(best.names) > max(1, len(self.vital)) and not self.effort.over:
-            staying = questions.pop(0)
-            other = self._without(self.problem.removable - staying)
+        sets_to_keep = self._sets_to_keep(best)
+        while sets_to_keep and left and len(best.names) > max(1, len(self.unavoidable)) and not self.budget.exhausted:
+            kept = sets_to_keep.pop(0)
+            other = self._without(self.problem.removable - kept)
             if other is None:
-                self.vital |= staying if len(staying) == 1 else set()
+                self.unavoidable |= kept if len(kept) == 1 else set()
                 continue
             left -= 1
-            other = self._trimmed(other, len(best.names))
+            other = self._reduced(other, len(best.names))
             if len(other.names) < len(best.names):
                 best = other
-                questions = self._questions(best)
+                sets_to_keep = self._sets_to_keep(best)
         return best
 
-    def _questions(self, removal: Removal) -> list[frozenset[str]]:
-        """Sets of bodies to leave in their places, so as to find another way."""
-        names = [name for name in removal.names if name not in self.vital]
+    def _sets_to_keep(self, removal: Removal) -> list[frozenset[str]]:
+        """Sets of bodies to keep in place in searches for another path."""
+        names = [name for name in removal.names if name not in self.unavoidable]
         together = [frozenset(names)] if len(names) > 1 else []
         return together + [frozenset({name}) for name in names]
 
-    def _trimmed(self, removal: Removal, limit: float) -> Removal:
-        """Let those stay that need not go; given up when ``limit`` bodies or more have to."""
-        stuck = set(self.vital)
-        while not self.effort.over and len(stuck) < limit:
-            name = next((n for n in removal.names if n not in stuck), None)
+    def _reduced(self, removal: Removal, limit: float) -> Removal:
+        """The removal without the bodies that can stay; stops once ``limit`` bodies or more have to be removed."""
+        irreducible = set(self.unavoidable)
+        while not self.budget.exhausted and len(irreducible) < limit:
+            name = next((n for n in removal.names if n not in irreducible), None)
             if name is None or len(removal.names) == 1:
                 break
             gone = frozenset(removal.names) - {name}
-            fewer = self._round(removal.corners, gone) or self._without(gone)
+            fewer = self._detour(removal.corners, gone) or self._without(gone)
             if fewer is None:
-                stuck.add(name)
+                irreducible.add(name)
             else:
                 removal = fewer
         return removal
 
     def _without(self, gone: frozenset[str]) -> Removal | None:
-        """What a search with these bodies gone, and all others in their places, finds."""
-        corners = ObjectSearch(self.problem.without(gone)).rounds(self.rng, self.effort, ROUNDS_PER_BODY)
-        return None if corners is None else self._of(corners)
+        """The path that a search with these bodies removed, and all others in place, finds."""
+        corners = ObjectSearch(self.problem.without(gone)).rounds(self.rng, self.budget, ROUNDS_PER_BODY)
+        return None if corners is None else self._removal(corners)
 
-    def _round(self, corners: Corners, gone: frozenset[str]) -> Removal | None:
-        """A detour of a path round what it runs into with only these bodies gone; a short search finds it or not."""
+    def _detour(self, corners: Corners, gone: frozenset[str]) -> Removal | None:
+        """A short search for a detour around the obstacles that a path hits if only the bodies ``gone`` are removed."""
         checker = checker_like(corners, self.problem.without(gone))
         dense, _ = resample(corners.poses)
         free = np.array([checker.motion_free(a, b) for a, b in zip(dense[:-1], dense[1:], strict=True)])
         if free.all():
-            return self._of(Corners(dense, checker, corners.middle))
+            return self._removal(Corners(dense, checker, corners.middle))
         first, last = int(np.argmin(free)), len(free) - int(np.argmin(free[::-1]))
         bounds = search_bounds(recentred(self.problem, corners.middle), checker)
-        way = rrt_path(checker, [dense[first]], [dense[last]], bounds, self.rng, self.effort, rounds=ROUNDS[:1])
+        way = rrt_path(checker, [dense[first]], [dense[last]], bounds, self.rng, self.budget, rounds=ROUNDS[:1])
         if way is None:
             return None
-        return self._of(Corners(np.concatenate([dense[:first], way, dense[last + 1 :]]), checker, corners.middle))
+        return self._removal(Corners(np.concatenate([dense[:first], way, dense[last + 1 :]]), checker, corners.middle))
 
-    def _of(self, corners: Corners) -> Removal:
+    def _removal(self, corners: Corners) -> Removal:
         return Removal(removables_hit(self.problem, corners, self.needed), corners)
 
 
 def removables_hit(problem: ObjectPathProblem, found: Corners, needed: frozenset[str]) -> tuple[str, ...]:
-    """Removable bodies that a path runs into, in the order of its stretches, and the ``needed`` ones."""
+    """List the removable bodies that a path runs into.
+
+    Args:
+        problem: the problem with all its obstacles.
+        found: the path.
+        needed: removable bodies that overlap the goal pose; always part of the result.
+
+    Returns:
+        Names in the order in which the path runs into the bodies, then the ``needed`` ones.
+    """
     checker = checker_like(found, problem)
     hit: list[str] = []
     for a, b in zip(found.poses[:-1], found.poses[1:], strict=True):
@@ -128,6 +140,6 @@ def removables_hit(problem: ObjectPathProblem, found: Corners, needed: frozenset
 
 
 def checker_like(found: Corners, problem: ObjectPathProblem) -> ObjectChecker:
-    """A checker for the obstacles of ``problem`` with the kind of motion, minimum distance and frame of a path."""
+    """Make a checker for the obstacles of ``problem`` with the motion type, minimum distance and frame of a path."""
     central = recentred(problem, found.middle)
     return ObjectChecker(central, Geometry(central), found.checker.planar, found.checker.min_distance)

@@ -1,4 +1,4 @@
-"""Whether a body may stand at a pose and move between two: collision and support together."""
+"""Exact collision and support checks of one body at a pose and along a motion."""
 
 import math
 from copy import copy
@@ -15,29 +15,31 @@ from hmap_core.waypoints import kernels
 from hmap_core.waypoints.problem import ObjectPathProblem
 from hmap_core.waypoints.support import Support, feet
 
-# what the judge of plans allows, m: deeper at the start or the goal is refused
+# m; deeper penetration at the start or the goal is an error; the judge of plans allows the same
 PENETRATION_ALLOWED = 1e-3
-# a shape whose top is no more than this above the body's lowest point carries it and is not in its way, m
+# a shape with its top at most this far above the body's lowest point carries the body and is no obstacle, m
 SUPPORT_TOLERANCE = 1e-3
-# rounding in a distance, m: a pair that touches at the start may come nearer by this
+# rounding error of a distance, m: a pair that touches at the start can come nearer by this
 CONTACT_SLACK = 1e-5
-# distances beyond this do not matter, m
+# distances are computed up to this, m
 CLEARANCE_CAP = 0.25
-# frames nearer than this are one, m
+# frames with a smaller distance are the same, m
 SAME_PLACE = 1e-9
-# stands in for the arrays of a support where there is none
+# arrays of a body without support
 _NO_SUPPORT = (
     np.zeros(7), 0.0, np.zeros(2), np.zeros((0, 2)), np.zeros(1, np.int64), np.zeros((0, 2)), np.zeros(1, np.int64),
 )  # fmt: skip
 
 
 class ObstacleShapes:
-    """Convex shapes that stand still, in the world frame, and whose they are.
+    """Convex shapes of the fixed obstacles in the world frame, and the names of their bodies.
 
     Attributes:
-        hulls: per shape its vertices (n, 3) and the radius of the sphere that sweeps them.
-        owner: per shape the name of its body.
-        lower, upper: (SB, 3) axis-aligned bounds.
+        hulls: for each of the SB shapes its vertices (n, 3) in m, and the radius in m of the sphere swept over its
+            hull.
+        owner: the name of each shape's body.
+        lower: (SB, 3) lower corners of the axis-aligned bounding boxes, m.
+        upper: (SB, 3) upper corners, m.
     """
 
     def __init__(self, hulls: list[tuple[np.ndarray, float]], owner: list[str]):
@@ -61,7 +63,7 @@ class ObstacleShapes:
         return cls(hulls, owner)
 
     def kept(self, keep: np.ndarray) -> "ObstacleShapes":
-        """Only the shapes where ``keep`` (SB,) is true."""
+        """The shapes for which ``keep`` (SB,) is true."""
         chosen = np.flatnonzero(keep)
         return ObstacleShapes([self.hulls[k] for k in chosen], [self.owner[k] for k in chosen])
 
@@ -78,12 +80,17 @@ class Geometry:
 
 
 class ObjectChecker:
-    """Exact checks of one body among obstacles that stand still.
+    """Exact checks of one body among fixed obstacles.
 
-    Required distance: the min_distance, or less for a shape that the body is nearer to at its start or goal already
-        (a book
-    between books, an object on its table). In planar motion the shapes that lie below the body carry it and are
-    not obstacles; its centre of mass then has to stay over them.
+    The required distance to a shape is ``min_distance``. It is less if the body is nearer to the shape at its start or
+    goal already (a book between books, an object on its table). In planar motion the shapes below the body carry it and
+    are no obstacles; the centre of mass then has to stay above them.
+
+    Args:
+        problem: the body, its start and goal.
+        geometry: the shapes of ``problem``.
+        planar: check planar motion; otherwise motion in SE(3).
+        min_distance: m.
     """
 
     def __init__(self, problem: ObjectPathProblem, geometry: Geometry, planar: bool, min_distance: float):
@@ -108,19 +115,19 @@ class ObjectChecker:
         self._b = shapes.arrays
         self._ends = np.array([self.distances(problem.start), self.distances(problem.goal)])
         self._no_extra = np.zeros(len(self.owners))
-        self.checks = 0  # motions looked at
+        self.checks = 0  # number of checked motions
         self._keep(min_distance)
 
     def _keep(self, min_distance: float) -> None:
         self.min_distance = min_distance
-        self.contact_at_end = self._ends < min_distance  # (2, SB) touched, or nearly, at the start and at the goal
+        self.contact_at_end = self._ends < min_distance  # (2, SB) within min_distance at the start, at the goal
         self.contact = self.contact_at_end.any(axis=0)
         self.required = np.maximum(
             np.minimum(min_distance, self._ends.min(axis=0) - CONTACT_SLACK), -PENETRATION_ALLOWED
         )
-        self.blocked = np.zeros(len(self.owners), np.int64)  # how often each shape stopped a motion
+        self.blocked = np.zeros(len(self.owners), np.int64)  # number of motions that each shape has blocked
 
-    def with_margin(self, min_distance: float) -> "ObjectChecker":
+    def with_min_distance(self, min_distance: float) -> "ObjectChecker":
         """The same checker with another minimum distance in metres."""
         other = copy(self)
         other._keep(min_distance)
@@ -128,36 +135,43 @@ class ObjectChecker:
 
     @property
     def arrays(self) -> tuple:
-        """What compiled searches have to know: shapes, required and extra distances, support, ``blocked``."""
+        """The arguments of the compiled searches: shapes, required and extra distances, support, ``blocked``."""
         support = _NO_SUPPORT if self.support is None else self.support.arrays
         return (*self._a, *self._b), self.required, self._no_extra, (self.support is not None, *support), self.blocked
 
     @property
     def owners(self) -> list[str]:
-        """Name of the body of each obstacle shape, (SB,)."""
+        """The name of each obstacle shape's body, (SB,)."""
         return self.obstacles.owner
 
     def distances(self, T: np.ndarray, cap: float = CLEARANCE_CAP) -> np.ndarray:
-        """Signed distances (SB,) in metres at pose T (7,) to the obstacle shapes, at most ``cap``."""
+        """Signed distances (SB,) in m from the body at pose T (7,) to the obstacle shapes, at most ``cap``."""
         out = np.empty(len(self.obstacles.radius))
         kernels.distances(np.asarray(T, float), *self._a, *self._b, cap, out)
         return out
 
     def clearances(self, poses: np.ndarray) -> np.ndarray:
-        """Distances (M,) in metres at poses (M, 7) to what is not touched at an end, at most CLEARANCE_CAP."""
+        """Distances (M,) in m at poses (M, 7) to the shapes not touched at start or goal; at most CLEARANCE_CAP."""
         return kernels.clearances(poses, *self._a, *self._b, ~self.contact, CLEARANCE_CAP)
 
     def pose_free(self, T: np.ndarray) -> bool:
-        """Whether the body may stand at pose T (7,)."""
+        """Whether the body at pose T (7,) is free of collisions and supported."""
         if kernels.blocking(T, *self._a, *self._b, self.required, self._no_extra) >= 0:
             return False
         return self.support is None or self.support.holds(T)
 
     def motion_free(self, T0: np.ndarray, T1: np.ndarray, extra: float = 0.0, near: np.ndarray | None = None) -> bool:
-        """Whether the body may move from T0 to T1 (7,), ``extra`` metres more than the minimum distance off what is
-        not ``near``.
+        """Check the motion from T0 to T1.
 
-        ``near`` (SB,) are the shapes that it may come as near to as at an end; None: all contacts.
+        Args:
+            T0: T_world_obj (7,).
+            T1: T_world_obj (7,).
+            extra: distance in m that is required beyond the minimum distance.
+            near: (SB,) shapes for which the required distance is that at start or goal, without ``extra``; None: all
+                shapes that the body touches at start or goal.
+
+        Returns:
+            Whether the whole motion is free of collisions and supported.
         """
         self.checks += 1
         hit = np.array([-1, 0])
@@ -170,16 +184,16 @@ class ObjectChecker:
         return self.supported_along(T0, T1)
 
     def supported_along(self, T0: np.ndarray, T1: np.ndarray) -> bool:
-        """Whether the body stays on its support, where it has to, all the way from T0 to T1."""
+        """Whether the body stays on its support along the motion from T0 to T1 (7,); true if it needs none."""
         return self.support is None or self.support.holds_along(T0, T1)
 
     def free_part(self, T0: np.ndarray, T1: np.ndarray) -> float:
-        """Parameter in [0, 1] up to which the motion from T0 to T1 touches nothing; support is not looked at."""
+        """Parameter in [0, 1] up to which the motion from T0 to T1 (7,) is free of collisions; ignores the support."""
         self.checks += 1
         return float(kernels.free_until(T0, T1, *self._a, *self._b, self.required, self._no_extra, np.array([-1, 1])))
 
     def hit_by(self, T0: np.ndarray, T1: np.ndarray) -> list[str]:
-        """Names of the bodies that the motion from T0 to T1 runs into, without repetition."""
+        """Names of the bodies that the motion from T0 to T1 (7,) collides with, without repetition."""
         names = []
         for j, name in enumerate(self.owners):
             need = np.full(len(self.required), -np.inf)
@@ -191,7 +205,7 @@ class ObjectChecker:
 
 
 def body_middle(body: Body) -> np.ndarray:
-    """Centre (3,) of the bounds of the body's largest shape, body frame: what the body best turns about."""
+    """Centre (3,) of the bounding box of the body's largest shape, in m, body frame. Motions turn about this point."""
     hulls = [hull_vertices(shape) for shape in body.shapes]
     largest = max(hulls, key=lambda hull: np.linalg.norm(np.ptp(hull[0], axis=0) + 2.0 * hull[1]))[0]
     middle = 0.5 * (largest.min(axis=0) + largest.max(axis=0))
@@ -199,7 +213,7 @@ def body_middle(body: Body) -> np.ndarray:
 
 
 def recentred(problem: ObjectPathProblem, middle: np.ndarray) -> ObjectPathProblem:
-    """The same problem with the body's frame moved to ``middle`` (3,), about which its motions then turn."""
+    """The same problem with the body's frame moved to ``middle`` (3,), so that its motions turn about this point."""
     if not middle.any():
         return problem
     shift = pose(-middle)
@@ -209,10 +223,14 @@ def recentred(problem: ObjectPathProblem, middle: np.ndarray) -> ObjectPathProbl
 
 
 def check_ends(problem: ObjectPathProblem) -> frozenset[str]:
-    """Removable bodies that the body penetrates at its goal by more than PENETRATION_ALLOWED.
+    """Check start and goal for penetration.
+
+    Returns:
+        Removable bodies that the body penetrates at its goal by more than PENETRATION_ALLOWED.
 
     Raises:
-        InputError: START_IN_COLLISION or GOAL_IN_COLLISION when it penetrates others, or any at its start.
+        InputError: START_IN_COLLISION if the body penetrates any obstacle at its start by more than that;
+            GOAL_IN_COLLISION if it penetrates an obstacle that is not removable at its goal.
     """
     geometry = Geometry(problem)
     shapes = geometry.obstacles
@@ -240,19 +258,21 @@ def check_ends(problem: ObjectPathProblem) -> frozenset[str]:
     return frozenset(taken)
 
 
-def flattened(problem: ObjectPathProblem, T: np.ndarray) -> np.ndarray:
-    """The pose nearest to T (7,) that the start reaches by planar motion."""
+def planar_projection(problem: ObjectPathProblem, T: np.ndarray) -> np.ndarray:
+    """The pose (7,) nearest to T (7,) that planar motion from the start can reach."""
     return planar_pose(problem.start, T[0], T[1], planar_yaw(problem.start, T))
 
 
 def planar_yaw(start: np.ndarray, T: np.ndarray) -> float:
-    """How far pose T (7,) is turned about the vertical from ``start`` (7,), rad."""
+    """Rotation in rad of pose T (7,) relative to ``start`` (7,) about the vertical axis."""
     q = multiply(np.r_[np.zeros(3), T[3:]], inverse(np.r_[np.zeros(3), start[3:]]))[3:]
     return 2.0 * float(np.arctan2(q[2], q[3]))
 
 
 def planar_pose(start: np.ndarray, x: float, y: float, yaw: float) -> np.ndarray:
-    """The pose (7,) at x, y that is turned from ``start`` by ``yaw`` about the vertical, at the height of ``start``."""
+    """The pose (7,) at x, y (m) and the height of ``start`` (7,), rotated from it by ``yaw`` (rad) about the
+    vertical.
+    """
     s, c = math.sin(yaw / 2), math.cos(yaw / 2)
     qx, qy, qz, qw = start[3:].tolist()
     return np.array([x, y, start[2], c * qx - s * qy, c * qy + s * qx, c * qz + s * qw, c * qw - s * qz])

@@ -1,20 +1,20 @@
-"""Algorithm 2 of the paper, ObjectBasedRRT: a path of the object alone, and its waypoints."""
+"""Algorithm 2 of the paper, ObjectBasedRRT: the path of the object without a robot, and its waypoints."""
 
 import numpy as np
 
 from hmap_core.transforms import multiply, pose
 from hmap_core.waypoints.blocking import Removal, fewest_removals
-from hmap_core.waypoints.checker import check_ends, flattened
-from hmap_core.waypoints.effort import Effort
+from hmap_core.waypoints.checker import check_ends, planar_projection
 from hmap_core.waypoints.problem import NoObjectPath, ObjectPath, ObjectPathProblem
 from hmap_core.waypoints.resample import chord_step, consistent, cut, resample
 from hmap_core.waypoints.search import Corners, ObjectSearch
+from hmap_core.waypoints.search_budget import SearchBudget
 from hmap_core.waypoints.shorten import smooth
 
 DEFAULT_TIME_LIMIT = 5.0  # s
-# rounds in which a way past the removable bodies is sought before it is asked whether they are what blocks
-ROUNDS_PAST_REMOVABLE = 2
-# share of the effort for that question
+# rounds of search around the removable bodies before the search tests whether they block
+ROUNDS_AROUND_REMOVABLE = 2
+# share of the budget for that test
 REMOVAL_SHARE = 0.25
 
 
@@ -24,45 +24,50 @@ def plan_waypoints(
     time_limit_s: float = DEFAULT_TIME_LIMIT,
     checks: float = np.inf,
 ) -> ObjectPath:
-    """Plan the object's own path and cut it into waypoints.
+    """Plan the path of the object and determine its waypoints.
 
     Args:
-        problem: the body, its start and goal, what stands around.
-        rng: the only source of randomness; the same state gives the same path unless the time limit strikes.
-        time_limit_s: wall-clock seconds for the search, the question what blocks included.
-        checks: motions that its trees may check; the search ends there, and does so again with the same rng.
+        problem: the body, its start and goal, and the obstacles.
+        rng: the only source of randomness. The same state gives the same path unless the time limit ends the search.
+        time_limit_s: wall-clock seconds for the whole search, including the test of which bodies block.
+        checks: number of motions that the trees can check. The search ends after the same motions for the same rng.
+
+    Returns:
+        The path.
 
     Raises:
-        InputError: START_IN_COLLISION or GOAL_IN_COLLISION, with the bodies and depths; but a removable body may
-            stand at the goal.
-        NoObjectPath: nothing found; says what blocks and which removable bodies would have to go.
+        InputError: START_IN_COLLISION or GOAL_IN_COLLISION, with the bodies and depths. A removable body at the goal
+            is no error.
+        NoObjectPath: no path was found. The exception names the blocking bodies, and the removable bodies whose removal
+            makes a path possible.
     """
-    effort = Effort(time_limit_s, checks)
+    budget = SearchBudget(time_limit_s, checks)
     needed = check_ends(problem)
     search = ObjectSearch(problem)
     if not problem.removable:
-        found = search.rounds(rng, effort)
+        found = search.rounds(rng, budget)
     else:
-        found = _past_or_through(problem, search, needed, rng, effort)
+        found = _around_or_through(problem, search, needed, rng, budget)
     if found is None:
         raise _failure(search, needed)
     return _finished(problem, found, rng)
 
 
-def _past_or_through(problem, search, needed, rng, effort: Effort) -> Corners | None:
-    """A path past the removable bodies; raises NoObjectPath when there seems to be one only with some of them gone.
+def _around_or_through(problem, search, needed, rng, budget: SearchBudget) -> Corners | None:
+    """Search alternately for a path around the removable bodies and for one through them.
 
-    Both are sought in turn.
+    Raises:
+        NoObjectPath: a path seems to exist only if some removable bodies are removed.
     """
-    found = None if needed else search.rounds(rng, effort.share(1.0 - REMOVAL_SHARE), ROUNDS_PAST_REMOVABLE)
-    emptied = ObjectSearch(problem.without(problem.removable))
-    while found is None and not emptied.hopeless and not effort.over:
-        through = emptied.round(rng, effort)
+    found = None if needed else search.rounds(rng, budget.fraction(1.0 - REMOVAL_SHARE), ROUNDS_AROUND_REMOVABLE)
+    cleared = ObjectSearch(problem.without(problem.removable))
+    while found is None and not cleared.infeasible and not budget.exhausted:
+        through = cleared.round(rng, budget)
         if through is not None:
-            removal = fewest_removals(problem, through, needed, rng, effort)
+            removal = fewest_removals(problem, through, needed, rng, budget)
             path = _finished(problem.without(frozenset(removal.names)), removal.corners, rng)
             raise _failure(search, needed, removal, path)
-        found = None if needed else search.round(rng, effort)
+        found = None if needed else search.round(rng, budget)
     return found
 
 
@@ -80,13 +85,13 @@ def _finished(problem: ObjectPathProblem, found: Corners, rng) -> ObjectPath:
 def _failure(
     search: ObjectSearch, needed: frozenset[str], removal: Removal | None = None, path: ObjectPath | None = None
 ) -> NoObjectPath:
-    """Name what blocks, and whether a path exists without the removable bodies."""
+    """The exception that names the blocking bodies, and whether a path exists without the removable ones."""
     central = search.problem
     straight = sorted(needed)
     frontier: list[str] = []
     leaves = ""
     for checker in search.checkers or search.fresh_checkers():
-        goal = flattened(central, central.goal) if checker.planar else central.goal
+        goal = planar_projection(central, central.goal) if checker.planar else central.goal
         straight += checker.hit_by(central.start, goal)
         if not checker.supported_along(central.start, goal):
             leaves = " and leaves the support"

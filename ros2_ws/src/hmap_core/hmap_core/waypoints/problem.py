@@ -1,4 +1,4 @@
-"""What Algorithm 2 is asked and what it answers."""
+"""Problem and result of Algorithm 2."""
 
 from dataclasses import dataclass
 
@@ -7,17 +7,20 @@ import numpy as np
 from hmap_core.exceptions import Code, InputError, WaypointError
 from hmap_core.types import Body
 
-# kept free to everything that is not touched at the start or the goal, m
+# distance to all bodies that the object touches neither at the start nor at the goal, m
 DEFAULT_MIN_DISTANCE = 0.002
 MOTIONS = ("auto", "planar", "spatial")
 
 
 @dataclass(frozen=True)
 class ObjectPathProblem:
-    """Move one body from a start to a goal pose past others that stand still.
+    """Move one body from a start to a goal pose among fixed obstacles.
 
-    ``body.pose`` is not used; obstacles stand at their own ``pose``. ``motion`` is "planar" (SE(2): height, roll and
-    pitch of the start are kept), "spatial" (SE(3)) or "auto": planar where start and goal allow it, else spatial.
+    ``body.pose`` is not used; obstacles are at their own ``pose``. ``motion`` is "planar" (SE(2): height, roll and
+    pitch of the start are kept), "spatial" (SE(3)) or "auto": planar if start and goal allow it, otherwise spatial.
+
+    Raises:
+        InputError: a value is not allowed; INVALID_POSE for a malformed start or goal.
     """
 
     body: Body
@@ -26,8 +29,8 @@ class ObjectPathProblem:
     obstacles: tuple[Body, ...]
     motion: str = "auto"
     min_distance: float = DEFAULT_MIN_DISTANCE  # m
-    bounds: np.ndarray | None = None  # (2, 3) lower and upper position of the body; None: found from the scene
-    removable: frozenset[str] = frozenset()  # obstacles that could be put out of the way; named when they block
+    bounds: np.ndarray | None = None  # (2, 3) lower and upper position of the body, m; None: from the scene
+    removable: frozenset[str] = frozenset()  # obstacles that can be moved out of the way; named if they block
 
     def __post_init__(self):
         if self.motion not in MOTIONS:
@@ -48,7 +51,7 @@ class ObjectPathProblem:
             )
 
     def without(self, names: set[str] | frozenset[str]) -> "ObjectPathProblem":
-        """The same problem with some obstacles gone."""
+        """The same problem without some obstacles."""
         kept = tuple(o for o in self.obstacles if o.name not in names)
         return ObjectPathProblem(
             self.body, self.start, self.goal, kept, self.motion, self.min_distance, self.bounds, self.removable - names
@@ -60,16 +63,15 @@ QUATERNION_TOLERANCE = 1e-4
 
 @dataclass(frozen=True)
 class ObjectPath:
-    """A way for the object: dense poses, and where it changes direction.
+    """A path of the object: dense poses, and the waypoints where it changes direction.
 
-    Between two successive poses the body moves as :func:`hmap_core.transforms.interpolate` says. The motion was checked
-    as a turn about the middle of the body's largest shape; where the body's frame is elsewhere the two differ by 0.1 mm
-    at most. Quaternions do not change sign along the path. Where the minimum distance asked for leaves no way, less
-    is kept:
-    ``clearance`` tells.
+    Between two successive poses the body moves as defined by :func:`hmap_core.transforms.interpolate`. The motion was
+    checked as a rotation about the middle of the body's largest shape. If the body's frame is elsewhere, the two
+    motions differ by 0.1 mm at most. Quaternions do not change sign along the path. If no path with the minimum
+    distance exists, the path keeps less; see ``clearance``.
     """
 
-    poses: np.ndarray  # (M, 7) T_world_obj, first the start, last the goal
+    poses: np.ndarray  # (M, 7) T_world_obj, from the start to the goal
     cuts: (
         np.ndarray
     )  # (I,) increasing indices into poses, one per waypoint; the last is M - 1, the start is not among them
@@ -78,17 +80,18 @@ class ObjectPath:
 
     @property
     def waypoints(self) -> np.ndarray:
-        """Poses (I, 7) of the waypoints, the goal last."""
+        """Poses (I, 7) T_world_obj of the waypoints; the last is the goal."""
         return self.poses[self.cuts]
 
 
 class NoObjectPath(WaypointError):
-    """No path of the object itself was found.
+    """No path of the object was found.
 
     Attributes:
-        blockers: bodies in the way: those on the straight way, then those the search ran into, the most often first.
-        free_without: the removable bodies without which a path exists, or None when there is none even so.
-        path_without: the path that is free when they have gone, or None when it is not known.
+        blockers: bodies that block: those on the straight motion, then those that blocked the search, most frequent
+            first.
+        free_without: the removable bodies whose removal makes a path possible; None if no such set was found.
+        path_without: the path that is free without these; None if unknown.
     """
 
     def __init__(

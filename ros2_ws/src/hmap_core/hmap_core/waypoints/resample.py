@@ -1,28 +1,43 @@
-"""From corners to dense poses and waypoints."""
+"""Dense poses and waypoints of a path given by its corners."""
 
 import numpy as np
 
 from hmap_core.transforms import consistent, distance, quaternion_multiply
 from hmap_core.waypoints.kernels import between
 
-# successive poses are at most this far apart
+# largest distance of successive poses
 POSITION_STEP = 0.01  # m
 ROTATION_STEP = float(np.deg2rad(3.0))
-# a body whose frame is not in its middle may leave the checked motion by this much between poses, m
+# largest deviation from the checked motion between poses, for a body whose frame is not in its middle, m
 CHORD_ERROR = 1e-4
-# a waypoint is put where the motion's direction has changed by more than this since the last one
+# a waypoint is where the motion's direction has changed by more than this since the last one
 CUT_ANGLE = float(np.deg2rad(10.0))
-# motions smaller than this have no direction, m
+# smaller motions have no direction, m
 _STILL = 1e-6
 
 
 def chord_step(arm: float) -> float:
-    """Turn in rad, at most ROTATION_STEP, over which an arc of radius ``arm`` m and its chord differ by CHORD_ERROR."""
+    """Largest rotation step for a body whose frame is not at the centre of rotation.
+
+    Args:
+        arm: radius in m of the arc that the frame's origin moves on.
+
+    Returns:
+        Rotation in rad, at most ROTATION_STEP, for which arc and chord differ by at most CHORD_ERROR.
+    """
     return min(ROTATION_STEP, 2.0 * float(np.arccos(1.0 - CHORD_ERROR / max(arm, CHORD_ERROR))))
 
 
 def resample(corners: np.ndarray, rotation_step: float = ROTATION_STEP) -> tuple[np.ndarray, np.ndarray]:
-    """Dense poses (M, 7) along straight motions between corners (n, 7), and each corner's index (n,) among them."""
+    """Interpolate a path densely.
+
+    Args:
+        corners: (n, 7) poses; motions between them are straight.
+        rotation_step: largest rotation between successive poses, rad.
+
+    Returns:
+        Dense poses (M, 7), and the index of each corner among them (n,).
+    """
     poses, where = [corners[0]], [0]
     for a, b in zip(corners[:-1], corners[1:], strict=True):
         d, angle = distance(a, b)
@@ -35,7 +50,16 @@ def resample(corners: np.ndarray, rotation_step: float = ROTATION_STEP) -> tuple
 
 
 def direction(a: np.ndarray, b: np.ndarray, radius: float) -> np.ndarray:
-    """Unit vector (6,) of the motion from a to b: displacement, rotation vector times ``radius``; zero when still."""
+    """Direction of the motion from a to b.
+
+    Args:
+        a: pose (7,).
+        b: pose (7,).
+        radius: m that one radian of rotation counts as.
+
+    Returns:
+        Unit vector (6,): displacement, then rotation vector times ``radius``, world frame; zero without motion.
+    """
     q = quaternion_multiply(b[3:], a[3:] * [-1.0, -1.0, -1.0, 1.0])
     q = q if q[3] >= 0.0 else -q
     sine = np.linalg.norm(q[:3])
@@ -46,7 +70,16 @@ def direction(a: np.ndarray, b: np.ndarray, radius: float) -> np.ndarray:
 
 
 def cut(corners: np.ndarray, where: np.ndarray, radius: float) -> np.ndarray:
-    """Waypoint indices (I,) into the dense poses: corners where the direction changes, and the end."""
+    """Determine the waypoints of a path.
+
+    Args:
+        corners: (n, 7) poses.
+        where: (n,) index of each corner in the dense poses.
+        radius: m that one radian of rotation counts as.
+
+    Returns:
+        Indices (I,) into the dense poses: the corners where the direction changes, and the end.
+    """
     directions = [direction(a, b, radius) for a, b in zip(corners[:-1], corners[1:], strict=True)]
     cuts: list[int] = []
     last = directions[0]

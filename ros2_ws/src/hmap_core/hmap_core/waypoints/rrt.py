@@ -1,16 +1,19 @@
-"""RRTConnect on the object alone, with exact checks of whole motions; all of it compiled (``trees``)."""
+"""RRT-Connect for one body, with exact checks of whole motions; ``trees`` is its compiled part.
+
+Method: Kuffner & LaValle, "RRT-Connect: An Efficient Approach to Single-Query Path Planning", ICRA 2000.
+"""
 
 import numpy as np
 
 from hmap_core.waypoints import trees
 from hmap_core.waypoints.checker import ObjectChecker
-from hmap_core.waypoints.effort import Effort
+from hmap_core.waypoints.search_budget import SearchBudget
 
-# longest step of a tree as a fraction of the space's extent, and motions checked before the next is tried
+# longest step of a tree as a fraction of the space's extent, and number of motions checked with it
 ROUNDS = ((0.2, 200), (0.03, 4000))
-# in the search a turn counts as this many times the way of the body's farthest point: passages are missed by angles
+# factor of rotation in the metric, relative to the path of the body's farthest point: angle errors miss passages
 TURN_WEIGHT = 4.0
-# motions checked between two looks at the clock, some 10 ms
+# motions checked between two checks of the time limit, about 10 ms
 SLICE = 1000
 
 
@@ -20,45 +23,49 @@ def rrt_path(
     goals: list[np.ndarray],
     bounds: np.ndarray,
     rng: np.random.Generator,
-    effort: Effort,
+    budget: SearchBudget,
     scale: int = 1,
     rounds: tuple[tuple[float, int], ...] = ROUNDS,
 ) -> np.ndarray | None:
-    """Poses (n, 7) of a free path from any of ``starts`` to any of ``goals``, or None when the rounds are used up.
+    """Search a free path from any of ``starts`` to any of ``goals``.
 
     Args:
-        checker: what is free; poses are those of its kind of motion.
-        starts, goals: poses (7,), free, reachable from the true start and goal.
+        checker: decides what is free; poses fit its motion type.
+        starts: free poses (7,) that are reachable from the true start.
+        goals: free poses (7,) from which the true goal is reachable.
         bounds: (2, 3) lower and upper position, m.
         rng: the only source of randomness.
-        effort: what may be done at most.
-        scale: each round checks this many times its motions.
-        rounds: of each the longest step as a fraction of the space's extent, and the motions checked.
+        budget: limit of the search.
+        scale: factor of the number of motions of each round.
+        rounds: longest step as a fraction of the space's extent, and number of motions, for each round.
+
+    Returns:
+        Poses (n, 7), or None if the rounds or the budget end without a path.
     """
-    for fraction, budget in rounds:
-        path = _solve(checker, starts, goals, bounds, rng, fraction, budget * scale, effort)
+    for fraction, max_motions in rounds:
+        path = _solve(checker, starts, goals, bounds, rng, fraction, max_motions * scale, budget)
         if path is not None:
             return path
     return None
 
 
-def _solve(checker, starts, goals, bounds, rng, fraction, budget, effort) -> np.ndarray | None:
+def _solve(checker, starts, goals, bounds, rng, fraction, max_motions, budget) -> np.ndarray | None:
     roots = (np.array(starts, float), np.array(goals, float))
     count = np.array([len(roots[0]), len(roots[1]), 0])
-    nodes = np.empty((2, count.max() + budget, 7))
+    nodes = np.empty((2, count.max() + max_motions, 7))
     for side, poses in enumerate(roots):
         nodes[side, : len(poses)] = poses
     parent = np.full(nodes.shape[:2], -1)
     link = np.array([-1, -1])
     space = _space(checker, roots[0][0], np.asarray(bounds, float), fraction)
     used = 0
-    while link[0] < 0 and used < budget and not effort.over:
-        most = int(min(SLICE, budget - used, effort.checks))
+    while link[0] < 0 and used < max_motions and not budget.exhausted:
+        most = int(min(SLICE, max_motions - used, budget.checks))
         more = trees.grow(nodes, parent, count, link, rng, space, *checker.arrays, most)
         if more == 0:
             break
         used += more
-        effort.spend(more)
+        budget.spend(more)
         checker.checks += more
     if link[0] < 0:
         return None
@@ -67,7 +74,7 @@ def _solve(checker, starts, goals, bounds, rng, fraction, budget, effort) -> np.
 
 
 def _space(checker: ObjectChecker, reference: np.ndarray, bounds: np.ndarray, fraction: float) -> tuple:
-    """What ``trees.grow`` has to know of the space; steps are a ``fraction`` of its extent."""
+    """The search space for ``trees.grow``; its longest step is a ``fraction`` of the space's extent."""
     radius = TURN_WEIGHT * checker.radius
     diagonal = np.linalg.norm((bounds[1] - bounds[0])[: 2 if checker.planar else 3])
     return checker.planar, reference, bounds[0], bounds[1], radius, fraction * (float(diagonal) + np.pi * radius)

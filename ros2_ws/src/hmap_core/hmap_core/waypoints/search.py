@@ -1,48 +1,47 @@
-"""The search for a free path of one body: planar and spatial motion, wide and narrow minimum distances, in rounds
-that grow."""
+"""The search for a free path of one body: planar and spatial motion, several minimum distances, growing budgets."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from hmap_core.transforms import rotation_matrix
-from hmap_core.waypoints.checker import Geometry, ObjectChecker, body_middle, flattened, recentred
-from hmap_core.waypoints.effort import Effort
+from hmap_core.waypoints.checker import Geometry, ObjectChecker, body_middle, planar_projection, recentred
 from hmap_core.waypoints.kernels import lengths
 from hmap_core.waypoints.problem import ObjectPathProblem
 from hmap_core.waypoints.roadmap import SAME_POSE, direct_path, exits
 from hmap_core.waypoints.rrt import ROUNDS, rrt_path
+from hmap_core.waypoints.search_budget import SearchBudget
 from hmap_core.waypoints.separation import separated
 
-# start and goal within this are at the same height and tilt
+# start and goal that differ by less have the same height and tilt
 SAME_HEIGHT = 1e-3  # m
 SAME_TILT = float(np.deg2rad(1.0))
-# how far beyond start and goal the search looks for room, m
+# the search space extends this far beyond start and goal, m
 SEARCH_REACH = 1.0
-# minimum distances in metres that are tried where the problem's is too much
+# smaller minimum distances in m that are tried if no path with the problem's exists
 TIGHTER = (0.002, 0.0005)
-# each further round of searches by trees may check this many times more motions
+# factor of the trees' budget of motions from one round to the next
 GROWTH = 2
-# rounds for planar motion alone, when spatial motion may be tried after it
+# rounds with planar motion only, if spatial motion is allowed, too
 PLANAR_ROUNDS = 2
 
 
 @dataclass(frozen=True)
 class Corners:
-    """A free path as the search found it, before it is shortened."""
+    """A free path as found by the search, before it is shortened."""
 
-    poses: np.ndarray  # (n, 7) T_world_middle: of a frame at ``middle`` in the body, about which its motions turn
-    checker: ObjectChecker  # that allows it
+    poses: np.ndarray  # (n, 7) T_world_middle: the frame at ``middle`` in the body, about which motions turn
+    checker: ObjectChecker  # for which the path is free
     middle: np.ndarray  # (3,) in the body's frame, m
 
 
 class ObjectSearch:
-    """A search that goes on where it stopped: every call of :meth:`round` may check more motions than the last.
+    """A search that can be continued: every call of :meth:`round` can check more motions than the last.
 
-    Start and goal are taken to be free; see ``checker.check_ends``.
+    Start and goal must be free; see ``checker.check_ends``.
 
     Attributes:
-        checkers: those that have been searched with.
+        checkers: those used so far.
     """
 
     def __init__(self, problem: ObjectPathProblem):
@@ -50,110 +49,134 @@ class ObjectSearch:
         self.problem = recentred(problem, self.middle)
         self.checkers: list[ObjectChecker] = []
         self._geometry = Geometry(self.problem)
-        self._kinds = [_Kind(self.problem, planar) for planar in _motions(self.problem)]
+        self._spaces = [_MotionSpace(self.problem, planar) for planar in _motion_spaces(self.problem)]
         self._rounds = 0
 
     @property
-    def hopeless(self) -> bool:
-        """Whether it is proven that there is no path within the bounds of the search."""
-        return all(kind.hopeless for kind in self._kinds)
+    def infeasible(self) -> bool:
+        """Whether it is proven that no path exists within the bounds of the search."""
+        return all(space.infeasible for space in self._spaces)
 
     def fresh_checkers(self) -> list[ObjectChecker]:
-        """The checkers of the first kind of motion that makes sense, before anything is searched."""
-        kinds = list(self._kinds)
-        while not kinds[0].checkers and not kinds[0].prepare(self._geometry, last=len(kinds) == 1):
-            kinds.pop(0)
-        return kinds[0].checkers
+        """The checkers of the first motion space that applies, before any search."""
+        spaces = list(self._spaces)
+        while not spaces[0].checkers and not spaces[0].prepare(self._geometry, last=len(spaces) == 1):
+            spaces.pop(0)
+        return spaces[0].checkers
 
-    def round(self, rng: np.random.Generator, effort: Effort) -> Corners | None:
-        """A free path, or None when this round has found none.
+    def round(self, rng: np.random.Generator, budget: SearchBudget) -> Corners | None:
+        """Search once with all motion spaces that are due.
 
         Args:
             rng: the only source of randomness.
-            effort: what may be done at most.
+            budget: limit of the search.
+
+        Returns:
+            A free path, or None if this round has found none.
         """
-        for k, kind in enumerate(list(self._kinds)):
-            waiting = 0 if k == 0 or self._kinds[0].hopeless else PLANAR_ROUNDS
+        for k, space in enumerate(list(self._spaces)):
+            waiting = 0 if k == 0 or self._spaces[0].infeasible else PLANAR_ROUNDS
             if self._rounds < waiting:
                 continue
-            if not kind.checkers and not kind.prepare(self._geometry, last=k == len(self._kinds) - 1):
-                self._kinds.remove(kind)
-                return self.round(rng, effort)
-            self.checkers += [c for c in kind.checkers if c not in self.checkers]
-            found = kind.search(self._rounds - waiting, rng, effort)
+            if not space.checkers and not space.prepare(self._geometry, last=k == len(self._spaces) - 1):
+                self._spaces.remove(space)
+                return self.round(rng, budget)
+            self.checkers += [c for c in space.checkers if c not in self.checkers]
+            found = space.search(self._rounds - waiting, rng, budget)
             if found is not None:
                 return Corners(found[1], found[0], self.middle)
         self._rounds += 1
         return None
 
-    def rounds(self, rng: np.random.Generator, effort: Effort, count: int | None = None) -> Corners | None:
-        """What the first successful of ``count`` rounds finds (None: as many as the effort allows), or None."""
+    def rounds(self, rng: np.random.Generator, budget: SearchBudget, count: int | None = None) -> Corners | None:
+        """Search until a round finds a path.
+
+        Args:
+            rng: the only source of randomness.
+            budget: limit of the search.
+            count: number of rounds; None: until the budget is exhausted.
+
+        Returns:
+            A free path, or None.
+        """
         done = 0
-        while not self.hopeless and not effort.over and (count is None or done < count):
-            found = self.round(rng, effort)
+        while not self.infeasible and not budget.exhausted and (count is None or done < count):
+            found = self.round(rng, budget)
             if found is not None:
                 return found
             done += 1
         return None
 
 
-class _Kind:
-    """One kind of motion: its checkers, the wider minimum distance first, and what they have learnt."""
+class _MotionSpace:
+    """Planar or spatial motion: its checkers, the largest minimum distance first, and the state of its search."""
 
     def __init__(self, problem: ObjectPathProblem, planar: bool):
         self.problem, self.planar = problem, planar
         self.checkers: list[ObjectChecker] = []
         self.ends: list[tuple[list[np.ndarray], list[np.ndarray]]] = []
         self.bounds: np.ndarray | None = None
-        self.hopeless = False  # proven to have no path
+        self.infeasible = False  # no path exists; proven
 
     def prepare(self, geometry: Geometry, last: bool) -> bool:
-        """Make the checkers; False where this kind makes no sense: a slide off what does not carry the body."""
+        """Make the checkers; False if the space does not apply: planar motion of a body that no support carries."""
         problem = self.problem
         checker = ObjectChecker(problem, geometry, self.planar, problem.min_distance)
         if self.planar and not last and checker.support is None:
             return False
         tighter = [min_distance for min_distance in TIGHTER if min_distance < problem.min_distance]
-        self.checkers = [checker, *(checker.with_margin(min_distance) for min_distance in tighter)]
+        self.checkers = [checker, *(checker.with_min_distance(min_distance) for min_distance in tighter)]
         self.bounds = search_bounds(problem, checker)
         return True
 
-    def search(self, number: int, rng, effort: Effort) -> tuple[ObjectChecker, np.ndarray] | None:
-        """A free path (n, 7) and the checker that allows it.
+    def search(self, number: int, rng, budget: SearchBudget) -> tuple[ObjectChecker, np.ndarray] | None:
+        """Search for a free path.
 
-        Straight, else in the plane by two trees that grow for a moment, else by the small roadmap; then by trees from
-        the exits of start and goal, with budgets that grow with the ``number`` of the round.
+        The first round tries the straight motion, in planar motion a short run of two trees, and the small roadmap.
+        Then trees grow from the exits of start and goal; their budgets grow with the ``number`` of the round.
+
+        Returns:
+            The checker for which the path is free, and the path (n, 7); or None.
         """
-        if self.hopeless:
+        if self.infeasible:
             return None
         start = np.asarray(self.problem.start, float)
         goal = np.asarray(self.problem.goal, float)
-        goal = flattened(self.problem, goal) if self.planar else goal
+        goal = planar_projection(self.problem, goal) if self.planar else goal
         for checker in self.checkers[len(self.ends) :]:
-            path = _first_tries(checker, start, goal, self.bounds, rng, effort)
+            path = _first_tries(checker, start, goal, self.bounds, rng, budget)
             if path is not None:
                 return checker, path
             if self.planar and not self.ends:
-                self.hopeless = separated(self.checkers[-1], start, goal, self.bounds)
-            if self.hopeless:
+                self.infeasible = separated(self.checkers[-1], start, goal, self.bounds)
+            if self.infeasible:
                 return None
             self.ends.append(tuple([T, *exits(checker, T, o, self.bounds)] for T, o in ((start, goal), (goal, start))))
         for checker, (starts, goals) in zip(self.checkers, self.ends, strict=True):
-            path = rrt_path(checker, starts, goals, self.bounds, rng, effort, GROWTH**number)
+            path = rrt_path(checker, starts, goals, self.bounds, rng, budget, GROWTH**number)
             if path is not None:
-                # a tree may begin at an exit; the way from the true end to it was found free
+                # a tree can start at an exit; the motion from the true end to it is known to be free
                 path = np.concatenate([starts[:1], path, goals[:1]])
                 return checker, path[np.concatenate(([True], lengths(path, checker.radius) > SAME_POSE))]
         return None
 
 
 def find_corners(problem: ObjectPathProblem, rng: np.random.Generator, time_limit_s: float) -> Corners | None:
-    """Any free path, or None when none was found in time; start and goal are taken to be free."""
-    return ObjectSearch(problem).rounds(rng, Effort(time_limit_s))
+    """Find any free path.
+
+    Args:
+        problem: its start and goal must be free.
+        rng: the only source of randomness.
+        time_limit_s: wall-clock seconds.
+
+    Returns:
+        The path, or None if none was found within the time limit.
+    """
+    return ObjectSearch(problem).rounds(rng, SearchBudget(time_limit_s))
 
 
 def search_bounds(problem: ObjectPathProblem, checker: ObjectChecker) -> np.ndarray:
-    """Lower and upper position (2, 3) that the search may use: round start, goal and what stands near them."""
+    """Lower and upper position (2, 3) in m of the search space: around start, goal and the obstacles near them."""
     if problem.bounds is not None:
         return np.asarray(problem.bounds, float)
     ends = np.array([problem.start[:3], problem.goal[:3]])
@@ -166,8 +189,8 @@ def search_bounds(problem: ObjectPathProblem, checker: ObjectChecker) -> np.ndar
     return np.array([np.maximum(wanted[0], near[0]), np.minimum(wanted[1], near[1])])
 
 
-def _motions(problem: ObjectPathProblem) -> list[bool]:
-    """Kinds of motion to try, in this order: planar?"""
+def _motion_spaces(problem: ObjectPathProblem) -> list[bool]:
+    """The motion spaces to try, in this order; True: planar."""
     if problem.motion == "planar":
         return [True]
     if problem.motion == "spatial" or not _planar_possible(problem):
@@ -176,17 +199,17 @@ def _motions(problem: ObjectPathProblem) -> list[bool]:
 
 
 def _planar_possible(problem: ObjectPathProblem) -> bool:
-    """Whether start and goal share height and tilt."""
+    """Whether start and goal have the same height and tilt."""
     a, b = (rotation_matrix(T)[2] for T in (problem.start, problem.goal))
     tilt = np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)
     return bool(abs(problem.start[2] - problem.goal[2]) <= SAME_HEIGHT and tilt <= SAME_TILT)
 
 
-def _first_tries(checker, start, goal, bounds, rng, effort: Effort) -> np.ndarray | None:
-    """What is fast where it works; poses (n, 7) or None."""
+def _first_tries(checker, start, goal, bounds, rng, budget: SearchBudget) -> np.ndarray | None:
+    """The fast methods; poses (n, 7) or None."""
     if checker.motion_free(start, goal):
         return np.array([start, goal])
     path = None
-    if checker.planar:  # in space the trees go round what the roadmap lifts the body over
-        path = rrt_path(checker, [start], [goal], bounds, rng, effort, rounds=ROUNDS[:1])
+    if checker.planar:  # in spatial motion the trees would go around what the roadmap lifts the body over
+        path = rrt_path(checker, [start], [goal], bounds, rng, budget, rounds=ROUNDS[:1])
     return direct_path(checker, start, goal, bounds) if path is None else path

@@ -1,4 +1,4 @@
-"""A proof that a body has no planar path: a grid on which the obstacles leave no way for a disc inside it."""
+"""A proof that a body has no planar path: the obstacles separate start and goal for a disc inside the body."""
 
 import numpy as np
 from scipy import ndimage
@@ -9,20 +9,28 @@ from hmap_core.waypoints.checker import PENETRATION_ALLOWED, ObjectChecker
 
 CELL = 0.01  # m
 MAX_CELLS = 400_000  # larger grids get larger cells
-# taken off the disc for rounding, m
+# reduction of the disc's radius for rounding errors, m
 SLACK = 1e-4
-# diagonal neighbours count as connected, which is on the safe side
+# diagonal neighbours count as connected, which is conservative
 _CONNECTED = np.ones((3, 3), bool)
-# planes nearer to level than this bound no disc
+# planes that are closer to horizontal do not bound the disc
 _LEVEL = 1e-9
 
 
 def separated(checker: ObjectChecker, start: np.ndarray, goal: np.ndarray, bounds: np.ndarray) -> bool:
-    """Whether planar motion within ``bounds`` (2, 3) certainly leads from no pose near start to none near goal (7,).
+    """Whether planar motion provably leads from no pose near ``start`` to none near ``goal``.
 
-    Wherever the body goes, a level disc round its origin goes with it. A cell of the grid is closed when the disc would
-    be too deep in an obstacle wherever in the cell it were; when the open cells do not connect start and goal
-    nothing does. False says nothing.
+    A level disc around the body's origin moves with the body. A grid cell is closed if the disc would penetrate an
+    obstacle too deeply at every position in the cell. If the open cells do not connect start and goal, no path exists.
+
+    Args:
+        checker: the body and its obstacles, for planar motion.
+        start: T_world_obj (7,).
+        goal: T_world_obj (7,).
+        bounds: (2, 3) lower and upper position, m.
+
+    Returns:
+        True if no path exists within the bounds; False if the method does not decide.
     """
     radius = inner_radius(checker, start)
     extent = bounds[1, :2] - bounds[0, :2]
@@ -43,7 +51,7 @@ def separated(checker: ObjectChecker, start: np.ndarray, goal: np.ndarray, bound
 
 
 def inner_radius(checker: ObjectChecker, T: np.ndarray) -> float:
-    """Radius in metres of a level disc about the body's origin that is inside one of its shapes at pose T (7,)."""
+    """Radius in m of a level disc around the body's origin inside one of its shapes at pose T (7,); 0 without one."""
     R = rotation_matrix(T)
     best = 0.0
     for k in range(len(checker.body)):
@@ -59,7 +67,7 @@ def inner_radius(checker: ObjectChecker, T: np.ndarray) -> float:
 
 
 def _section(hull: np.ndarray, z: float) -> list[np.ndarray]:
-    """The polygon (n, 2), counter-clockwise, in which the level at z cuts a convex hull (n, 3); none where none is."""
+    """The polygon (n, 2), counter-clockwise, where the plane at height z cuts a convex hull (n, 3); or none."""
     below, above = hull[hull[:, 2] < z], hull[hull[:, 2] >= z]
     if not len(below) or not len(above):
         return []
@@ -73,7 +81,7 @@ def _section(hull: np.ndarray, z: float) -> list[np.ndarray]:
 
 
 def _close(closed: np.ndarray, polygon: np.ndarray, reach: float, origin: np.ndarray, cell: float) -> None:
-    """Close the cells whose middles are within ``reach`` of a convex polygon (n, 2)."""
+    """Close the cells whose centres are within ``reach`` of a convex polygon (n, 2)."""
     low = np.clip(np.floor((polygon.min(0) - reach - origin) / cell).astype(int), 0, closed.shape)
     high = np.clip(np.ceil((polygon.max(0) + reach - origin) / cell).astype(int) + 1, 0, closed.shape)
     if np.any(high <= low):

@@ -1,4 +1,4 @@
-"""Shorter and smoother: what is done to a path before it is cut into waypoints."""
+"""Path shortening and smoothing, before the waypoints are determined."""
 
 import numpy as np
 
@@ -6,22 +6,31 @@ from hmap_core.waypoints.checker import ObjectChecker
 from hmap_core.waypoints.kernels import between, length, lengths
 from hmap_core.waypoints.roadmap import NODE_COST
 
-# random short cuts tried
+# number of random shortcuts
 SHORTCUTS = 60
-# a short cut has to save this much, m (turn times radius counts as length)
+# smallest saving of a shortcut, m (rotation times radius counts as length)
 MIN_SAVING = 1e-3
-# corners are moved away from what they pass by this much at a time, m
+# step sizes by which corners are moved away from obstacles, m
 RELAX_STEPS = (0.02, 0.01, 0.005)
-# wanted beyond the minimum distance where there is room, m
-COMFORT = 0.01
-# a shape is still touched where its distance differs by no more than this, m
+# desired distance beyond the minimum distance, m
+EXTRA_CLEARANCE = 0.01
+# a contact persists while the distance changes by at most this, m
 STILL_TOUCHED = 1e-3
-# a corner may cost this much more length for its comfort, m
-COMFORT_PRICE = 0.01
+# largest additional path length at a corner for the extra clearance, m
+EXTRA_CLEARANCE_LENGTH = 0.01
 
 
 def smooth(checker: ObjectChecker, path: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A free path (m, 7) with the same ends as the free ``path`` (n, 7): fewer corners, shorter, off the walls."""
+    """Shorten and smooth a free path.
+
+    Args:
+        checker: decides what is free.
+        path: (n, 7) poses.
+        rng: the only source of randomness.
+
+    Returns:
+        A free path (m, 7) with the same ends: shorter, with fewer corners, and farther from obstacles.
+    """
     path = drop_corners(checker, path)
     if len(path) > 2:
         path = drop_corners(checker, shortcut(checker, path, rng))
@@ -30,7 +39,7 @@ def smooth(checker: ObjectChecker, path: np.ndarray, rng: np.random.Generator) -
 
 
 def drop_corners(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
-    """The cheapest sub-sequence of the corners that is free; every corner costs NODE_COST."""
+    """The cheapest free subsequence of the corners (n, 7); every corner costs NODE_COST."""
     radius = checker.radius
     n = len(path)
     cost = np.full(n, np.inf)
@@ -48,7 +57,7 @@ def drop_corners(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
 
 
 def shortcut(checker: ObjectChecker, path: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Random short cuts between points on the path (Geraerts & Overmars, IJRR 2007)."""
+    """Random shortcuts between points of the path (Geraerts & Overmars, IJRR 2007)."""
     radius = checker.radius
     for _ in range(SHORTCUTS):
         parts = lengths(path, radius)
@@ -61,29 +70,29 @@ def shortcut(checker: ObjectChecker, path: np.ndarray, rng: np.random.Generator)
         b = between(path[j], path[j + 1], np.array([(t - ends[j]) / parts[j]]))[0]
         if (t - s) - length(a, b, radius) > MIN_SAVING and checker.motion_free(a, b):
             candidate = np.concatenate([path[: i + 1], [a, b], path[j + 1 :]])
-            # parts of checked motions are free up to rounding; they are checked again rather than trusted
+            # parts of checked motions are free only up to rounding, so they are checked again
             if checker.motion_free(path[i], a) and checker.motion_free(b, path[j + 1]):
                 path = candidate
     return path
 
 
-def _comfortable(checker: ObjectChecker, corners: np.ndarray, extra: float, near: list[np.ndarray | None]) -> bool:
+def _motions_free(checker: ObjectChecker, corners: np.ndarray, extra: float, near: list[np.ndarray | None]) -> bool:
     pairs = zip(corners[:-1], corners[1:], near, strict=True)
     return all(checker.motion_free(a, b, extra, own) for a, b, own in pairs)
 
 
 def relax(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
-    """Move each inner corner a little so that the motions next to it keep COMFORT more than the min_distance, if
-    they can.
+    """Move each inner corner a little, if the motions next to it then keep EXTRA_CLEARANCE beyond the minimum distance.
 
-    What is touched where the path begins or ends may be near as long as the body goes along it, but not when it passes
-    it elsewhere; where that cannot be, the minimum distance alone is kept off it, else nothing.
+    A shape that the body touches at the path's start or goal can be near while the body moves along it, but not if
+    the body passes it elsewhere. If this is not possible, the corner keeps only the minimum distance to the shape, or
+    else the distance of start or goal.
     """
     path = path.copy()
     near = _near(checker, path)
     for k in range(1, len(path) - 1):
         own = near[k - 1 : k + 1]
-        for extra, touched in ((COMFORT, own), (0.0, own), (COMFORT, [None, None])):
+        for extra, touched in ((EXTRA_CLEARANCE, own), (0.0, own), (EXTRA_CLEARANCE, [None, None])):
             better = _relaxed(checker, path[k - 1 : k + 2], extra, touched)
             if better is not None:
                 path[k] = better
@@ -92,7 +101,7 @@ def relax(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
 
 
 def _near(checker: ObjectChecker, path: np.ndarray) -> list[np.ndarray]:
-    """For each motion of a path, the shapes (SB,) touched at the start that were not left yet; or at the goal."""
+    """For each motion the shapes (SB,) that the body has touched since the start, or touches until the goal."""
     touching = np.array([checker.distances(T) for T in path])
     near = [np.zeros(touching.shape[1], bool) for _ in path[1:]]
     for own, order in (
@@ -107,8 +116,8 @@ def _near(checker: ObjectChecker, path: np.ndarray) -> list[np.ndarray]:
 
 
 def _relaxed(checker: ObjectChecker, corners: np.ndarray, extra: float, near: list) -> np.ndarray | None:
-    """Where the middle one of three corners (3, 7) is best for comfort; None: nowhere near."""
-    if _comfortable(checker, corners, extra, near):
+    """The best position near the middle one of three corners (3, 7) with the extra clearance, or None."""
+    if _motions_free(checker, corners, extra, near):
         return corners[1]
     radius = checker.radius
     best, best_length = None, np.inf
@@ -117,16 +126,16 @@ def _relaxed(checker: ObjectChecker, corners: np.ndarray, extra: float, near: li
             moved = corners.copy()
             moved[1, :3] += step * d
             total = length(moved[0], moved[1], radius) + length(moved[1], moved[2], radius)
-            if total < best_length and _comfortable(checker, moved, extra, near):
+            if total < best_length and _motions_free(checker, moved, extra, near):
                 best, best_length = moved[1], total
     before = length(corners[0], corners[1], radius) + length(corners[1], corners[2], radius)
-    return best if best_length < before + COMFORT_PRICE else None
+    return best if best_length < before + EXTRA_CLEARANCE_LENGTH else None
 
 
 def turn_late(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
-    """Let each inner corner keep the orientation of the one before, moved a little where it has to be, if that is free.
+    """Keep the orientation of the previous corner at each inner corner, if a small displacement makes that free.
 
-    A body that is turned on the way for no reason is hard to push. All turn no more than before.
+    A body that turns for no reason is hard to push. The total rotation does not increase.
     """
     path = path.copy()
     steps = [np.zeros(3), *(step * d for step in sorted(RELAX_STEPS) for d in _directions(checker))]
@@ -142,7 +151,7 @@ def turn_late(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
 
 
 def _directions(checker: ObjectChecker) -> np.ndarray:
-    """Unit vectors (n, 3) in which a corner may be moved."""
+    """Unit vectors (n, 3) along which a corner can be moved."""
     if checker.planar:
         angle = np.arange(8) * np.pi / 4
         return np.c_[np.cos(angle), np.sin(angle), np.zeros(8)]

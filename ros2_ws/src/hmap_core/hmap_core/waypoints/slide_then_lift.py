@@ -1,7 +1,7 @@
-"""A path through the air whose head is put down on the support: slide first, lift later.
+"""A spatial path whose first part is projected onto the support: the body slides first and is lifted later.
 
-A body that no hand can grip where it stands may be pushed to where one can. Below the path that was found for it, it
-slides as far as it is free there, then rises to the path.
+If no gripper can grasp a body where it stands, a push can move it to a place where one can. The body slides below the
+given path as far as that is free, and then rises to the path.
 """
 
 from dataclasses import replace
@@ -9,19 +9,24 @@ from dataclasses import replace
 import numpy as np
 
 from hmap_core.transforms import consistent
-from hmap_core.waypoints.checker import Geometry, ObjectChecker, flattened
+from hmap_core.waypoints.checker import Geometry, ObjectChecker, planar_projection
 from hmap_core.waypoints.problem import ObjectPathProblem
 from hmap_core.waypoints.resample import resample
 
-LEAST_SLIDE = 0.02  # m that have to be gained
-LEAST_RISE = 1e-3  # m of height that a path through the air takes
+LEAST_SLIDE = 0.02  # m, shortest slide
+LEAST_RISE = 1e-3  # m, smallest height difference of a path that is lifted
 
 
-def slid_first(problem: ObjectPathProblem, poses: np.ndarray) -> np.ndarray | None:
-    """Poses (K, 7) that slide below the free path ``poses`` (M, 7) as far as they can and rise to it from there.
+def slide_then_lift(problem: ObjectPathProblem, poses: np.ndarray) -> np.ndarray | None:
+    """Replace the first part of a lifted path by a slide on the support.
 
-    None where the path does not rise, or the body does not stand at the start, cannot slide for LEAST_SLIDE, or cannot
-    rise from there.
+    Args:
+        problem: the body and its obstacles.
+        poses: (M, 7) T_world_obj of a free path.
+
+    Returns:
+        Poses (K, 7) that slide below ``poses`` as far as possible and then rise to them. None if the path does not
+        rise, or if the body does not stand at the start, cannot slide for LEAST_SLIDE, or cannot rise from there.
     """
     if np.ptp(poses[:, 2]) < LEAST_RISE:
         return None
@@ -32,7 +37,7 @@ def slid_first(problem: ObjectPathProblem, poses: np.ndarray) -> np.ndarray | No
         return None
     slid = [np.asarray(poses[0], float)]
     for T in poses[1:]:
-        below = flattened(sliding, T)
+        below = planar_projection(sliding, T)
         if not ground.motion_free(slid[-1], below):
             break
         slid.append(below)

@@ -1,4 +1,4 @@
-"""Where on its path a body could be let go of: it stands there by itself."""
+"""The poses of a path at which a released body stands stably."""
 
 from collections.abc import Sequence
 
@@ -10,15 +10,23 @@ from hmap_core.transforms import apply, rotation_matrices, rotation_matrix
 from hmap_core.types import Body
 from hmap_core.waypoints.support import FACE_TOLERANCE, Support
 
-# poses whose height (m) and tilt differ by less stand on the same support
+# poses whose height (m) and tilt differ by less have the same support
 SAME = 1e-6
 
 
-def standing(body: Body, poses: np.ndarray, obstacles: Sequence[Body]) -> np.ndarray:
-    """Whether the body stands stably at each of its poses (M, 7) on the obstacles, which are at their own poses; (M,).
+def stable_poses(body: Body, poses: np.ndarray, obstacles: Sequence[Body]) -> np.ndarray:
+    """Test at which poses a body stands stably on obstacles.
 
-    A body that rests at the first pose in a way not understood here (a ball) counts as standing wherever it has the
-    same height and tilt.
+    If the test does not understand how the body rests at the first pose (a ball, for example), the body counts as
+    stable at all poses with the same height and tilt.
+
+    Args:
+        body: the body.
+        poses: (M, 7) T_world_body.
+        obstacles: bodies that can carry it, at their own poses.
+
+    Returns:
+        (M,) whether the body is stable.
     """
     own = body_set(body)
     up = rotation_matrices(poses)[:, 2]
@@ -49,11 +57,11 @@ def _tops(shapes: ConvexSet, T: np.ndarray) -> np.ndarray:
 
 
 def _lowest(body: ConvexSet, up: np.ndarray) -> np.ndarray:
-    """Height (M,) of a body's lowest point over its origin, turned so that ``up`` (M, 3) in its frame is up."""
+    """Height (M,) in m of a body's lowest point above its origin; ``up`` (M, 3) is the vertical in its frame."""
     return (body.vertices @ up.T - np.repeat(body.radius, np.diff(body.start))[:, None]).min(axis=0)
 
 
 def _alike(poses: np.ndarray, up: np.ndarray, reference: int) -> np.ndarray:
-    """Which (M,) of the poses (M, 7) differ from one of them by planar motion only."""
+    """Which (M,) of the poses (M, 7) differ from the reference pose by planar motion only."""
     level = np.abs(poses[:, 2] - poses[reference, 2]) < SAME
     return level & (np.abs(up - up[reference]).max(axis=1) < SAME)

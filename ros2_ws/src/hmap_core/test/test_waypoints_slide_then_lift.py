@@ -6,7 +6,7 @@ from waypoints_fixtures import tunnel
 
 from hmap_core.transforms import interpolate, pose
 from hmap_core.types import BodyKind
-from hmap_core.waypoints import ObjectPathProblem, slid_first
+from hmap_core.waypoints import ObjectPathProblem, slide_then_lift
 from hmap_core.waypoints.checker import Geometry, ObjectChecker
 
 BAR = box("bar", (0.3, 0.08, 0.08), (0, 0, 0), kind=BodyKind.MOVABLE)
@@ -23,7 +23,7 @@ def problem(*obstacles):
 
 
 def test_a_path_through_the_air_slides_as_far_as_it_can_and_then_rises():
-    way = slid_first(problem(), flown(START, OUT, UP, GOAL))
+    way = slide_then_lift(problem(), flown(START, OUT, UP, GOAL))
     np.testing.assert_allclose(way[[0, -1]], [START, GOAL], atol=1e-9)
     level = way[:, 2] < START[2] + 1e-9
     head = int(np.argmin(level)) if not level.all() else len(way)
@@ -36,12 +36,12 @@ def test_a_path_through_the_air_slides_as_far_as_it_can_and_then_rises():
 def test_what_stands_in_the_way_on_the_ground_ends_the_slide():
     step = box("step", (0.02, 0.5, 0.01), (-0.36, 0.25, 0.055))
     over = (pose((-0.17, 0.25, 0.09)), pose((-0.17, 0.25, 0.115)), pose((-0.5, 0.25, 0.3)))
-    way = slid_first(problem(step), flown(START, *over))
+    way = slide_then_lift(problem(step), flown(START, *over))
     sliding = way[way[:, 2] < START[2] + 1e-9]
     assert -0.25 < sliding[-1, 0] < -0.1
 
 
 def test_what_does_not_stand_does_not_slide():
     high = ObjectPathProblem(BAR, UP, GOAL, (TABLE,))
-    assert slid_first(high, flown(UP, GOAL)) is None
-    assert slid_first(problem(), flown(START, pose((0, 0.25, 0.1)))) is None
+    assert slide_then_lift(high, flown(UP, GOAL)) is None
+    assert slide_then_lift(problem(), flown(START, pose((0, 0.25, 0.1)))) is None

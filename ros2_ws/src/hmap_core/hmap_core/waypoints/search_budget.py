@@ -1,0 +1,38 @@
+"""A limit of a search that counts checked motions, so that the result does not depend on the machine's speed."""
+
+import time
+
+import numpy as np
+
+
+class SearchBudget:
+    """A number of motions that a search can still check, and a time limit.
+
+    Args:
+        time_limit: wall-clock seconds from now.
+        checks: number of motions; infinite: only the time limits the search.
+        parent: a budget that this one is a part of; spending from this budget also spends from the parent.
+
+    Attributes:
+        checks: number of motions that are left.
+    """
+
+    def __init__(self, time_limit: float, checks: float = np.inf, parent: "SearchBudget | None" = None):
+        self.checks = checks
+        self._deadline = time.monotonic() + time_limit
+        self._parent = parent
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether no motion or no time is left."""
+        return self.checks < 1 or time.monotonic() >= self._deadline
+
+    def spend(self, checks: int) -> None:
+        """Subtract checked motions from this budget and its parents."""
+        self.checks -= checks
+        if self._parent is not None:
+            self._parent.spend(checks)
+
+    def fraction(self, share: float) -> "SearchBudget":
+        """A part of the remaining motions and time; ``share`` is in (0, 1]."""
+        return SearchBudget(share * (self._deadline - time.monotonic()), share * self.checks, self)
