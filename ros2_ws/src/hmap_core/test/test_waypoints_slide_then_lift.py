@@ -1,4 +1,4 @@
-"""Paths whose head is put down on the support."""
+"""Spatial paths whose first part slides on the support."""
 
 import numpy as np
 from geometry_fixtures import TABLE, box
@@ -22,7 +22,7 @@ def problem(*obstacles):
     return ObjectPathProblem(BAR, START, GOAL, (TABLE, *tunnel("t", 0.3, 0.0), *obstacles))
 
 
-def test_a_path_through_the_air_slides_as_far_as_it_can_and_then_rises():
+def test_a_lifted_path_slides_as_far_as_it_can_and_then_rises():
     way = slide_then_lift(problem(), flown(START, OUT, UP, GOAL))
     np.testing.assert_allclose(way[[0, -1]], [START, GOAL], atol=1e-9)
     level = way[:, 2] < START[2] + 1e-9
@@ -33,7 +33,7 @@ def test_a_path_through_the_air_slides_as_far_as_it_can_and_then_rises():
     assert all(free.motion_free(a, b) for a, b in zip(way, way[1:], strict=False))
 
 
-def test_what_stands_in_the_way_on_the_ground_ends_the_slide():
+def test_an_obstacle_on_the_support_ends_the_slide():
     step = box("step", (0.02, 0.5, 0.01), (-0.36, 0.25, 0.055))
     over = (pose((-0.17, 0.25, 0.09)), pose((-0.17, 0.25, 0.115)), pose((-0.5, 0.25, 0.3)))
     way = slide_then_lift(problem(step), flown(START, *over))
@@ -41,7 +41,7 @@ def test_what_stands_in_the_way_on_the_ground_ends_the_slide():
     assert -0.25 < sliding[-1, 0] < -0.1
 
 
-def test_what_does_not_stand_does_not_slide():
+def test_a_body_that_does_not_stand_does_not_slide():
     high = ObjectPathProblem(BAR, UP, GOAL, (TABLE,))
     assert slide_then_lift(high, flown(UP, GOAL)) is None
     assert slide_then_lift(problem(), flown(START, pose((0, 0.25, 0.1)))) is None

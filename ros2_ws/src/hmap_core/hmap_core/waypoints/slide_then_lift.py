@@ -41,11 +41,11 @@ def slide_then_lift(problem: ObjectPathProblem, poses: np.ndarray) -> np.ndarray
         if not ground.motion_free(slid[-1], below):
             break
         slid.append(below)
-    air = ObjectChecker(problem, geometry, False, problem.min_distance)
+    lift = ObjectChecker(problem, geometry, False, problem.min_distance)
     for last in range(len(slid) - 1, 0, -1):
         if np.linalg.norm(slid[last][:3] - slid[0][:3]) < LEAST_SLIDE:
             return None
-        if air.motion_free(slid[last], poses[last]):
+        if lift.motion_free(slid[last], poses[last]):
             rise, _ = resample(np.array([slid[last], poses[last]]))
             return consistent(np.concatenate([slid[:last], rise, poses[last + 1 :]]))
     return None
