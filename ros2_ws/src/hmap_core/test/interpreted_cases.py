@@ -39,7 +39,7 @@ from hmap_core.komo.features import (  # noqa: E402
 from hmap_core.komo.ik import follow_ik, solve_ik_batch  # noqa: E402
 from hmap_core.komo.objective import Objective, ObjectiveType  # noqa: E402
 from hmap_core.komo.options import IK_OPTIONS, SolverOptions  # noqa: E402
-from hmap_core.komo.solver import path_violations  # noqa: E402
+from hmap_core.komo.path_collisions import path_violations  # noqa: E402
 from hmap_core.komo.transcription import KomoProblem  # noqa: E402
 from hmap_core.transforms import IDENTITY, multiply, pose, rotation_matrix  # noqa: E402
 from hmap_core.types import Shape, ShapeKind  # noqa: E402

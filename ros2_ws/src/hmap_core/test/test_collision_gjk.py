@@ -10,7 +10,9 @@ from geometry_fixtures import coal_distance, coal_hull
 from scipy.spatial import ConvexHull
 
 from hmap_core.collision.convex import set_distance
-from hmap_core.collision.gjk import FAR, WORK, distance_within, signed_distance
+from hmap_core.collision.epa import FAR
+from hmap_core.collision.gjk import distance_within, signed_distance
+from hmap_core.collision.simplex import WORK
 from hmap_core.transforms import IDENTITY, apply, rotation_matrix
 
 PAIRS = list(combinations_with_replacement(KINDS, 2))

@@ -7,9 +7,9 @@ from geometry_fixtures import coal_distance
 from geometry_fixtures import coal_shape as exact_shape
 
 from hmap_core.collision.convex import CYLINDER_SIDES, convex_set, from_hulls, set_distance, sets_closer, transformed
-from hmap_core.collision.gjk import WORK
 from hmap_core.collision.pairs import pair_distance, place_centers
 from hmap_core.collision.scene_model import CollisionModel
+from hmap_core.collision.simplex import WORK
 from hmap_core.exceptions import Code, InputError
 from hmap_core.transforms import IDENTITY, multiply, pose, rotation_matrix
 from hmap_core.types import Shape, ShapeKind

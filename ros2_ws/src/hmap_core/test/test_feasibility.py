@@ -16,8 +16,8 @@ from hmap_core.contacts.feasibility import (
     reachable,
 )
 from hmap_core.komo.manipulation import GRASP_RETREAT, Manipulation, Phase, bit, free_opening, retreated
+from hmap_core.komo.path_collisions import path_violations
 from hmap_core.komo.shapes import body_set
-from hmap_core.komo.solver import path_violations
 from hmap_core.planner.local import LocalBackend, contact_score
 from hmap_core.transforms import apply, distance, from_matrix, interpolate, inverse, multiply, pose
 from hmap_core.types import ContactKind, ContactPoint

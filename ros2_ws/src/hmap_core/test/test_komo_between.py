@@ -12,8 +12,8 @@ from hmap_core.komo.between import BETWEEN_TOLERANCE, new_place, violated_betwee
 from hmap_core.komo.features import relative_pose, relative_position
 from hmap_core.komo.objective import ObjectiveType
 from hmap_core.komo.options import SolverOptions
+from hmap_core.komo.path_collisions import path_violations
 from hmap_core.komo.result import Status
-from hmap_core.komo.solver import path_violations
 from hmap_core.komo.sweep import between_violations
 from hmap_core.komo.transcription import KomoProblem
 from hmap_core.transforms import multiply, pose

@@ -9,7 +9,8 @@ from hmap_core.collision.gjk import signed_distance
 from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.kinematics.chain import Chain
 from hmap_core.kinematics.model import KinematicModel, PlacedArm
-from hmap_core.komo import solver
+from hmap_core.komo import lagrangian as augmented
+from hmap_core.komo import newton
 from hmap_core.komo.allowances import RELAXATION, relaxed, verification
 from hmap_core.komo.arrays import Multipliers
 from hmap_core.komo.banded import PADDING, cholesky_solve
@@ -18,7 +19,8 @@ from hmap_core.komo.features.base import MAX_DIM
 from hmap_core.komo.ik import follow_ik, solve_ik_batch
 from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.options import IK_OPTIONS, SolverOptions
-from hmap_core.komo.solver import path_violations
+from hmap_core.komo.path_collisions import path_violations
+from hmap_core.komo.scratch import new_model, new_multipliers, new_scratch
 from hmap_core.komo.transcription import KomoProblem
 from hmap_core.transforms import IDENTITY, apply, distance, from_matrix, multiply, pose
 
@@ -80,7 +82,7 @@ def test_smoothness_is_the_sum_of_squared_differences():
     T, n, w_acc, w_vel = 6, 3, 0.7, 0.3
     X, prefix = rng.normal(size=(T, n)), rng.normal(size=(2, n))
     H, G = np.zeros((T * n, 3 * n + PADDING)), np.zeros(T * n)
-    cost = solver._smoothness(X, prefix, w_acc, w_vel, H, G)
+    cost = augmented._smoothness(X, prefix, w_acc, w_vel, H, G)
 
     def value(X):
         whole = np.concatenate([prefix, X.reshape(T, n)])
@@ -136,23 +138,23 @@ class Lagrangian:
         self.multipliers = Multipliers(lam, pairs, rng.uniform(0, 1, (self.T, self.n, 2)), np.full(1, 50.0))
 
     def scratch(self):
-        return new_scratch(self)
+        return scratch_for(self)
 
     def evaluate(self, X, scratch=None):
         """(merit, cost, worst equality, worst inequality, gradient, Hessian as the solver stores it)."""
         path = np.ascontiguousarray(X.reshape(self.T, self.n))
-        model = solver.new_model(self.T, self.n, self.terms, self.cols, self.samples)
-        found = solver._evaluate(
+        model = new_model(self.T, self.n, self.terms, self.cols, self.samples)
+        found = augmented.evaluate(
             path, self.prefix, self.problem.chain, self.terms, self.cols, self.samples, self.problem.options.packed,
             self.multipliers, model, scratch or self.scratch(), 0.0,
         )  # fmt: skip
         H, b = np.zeros((X.size, 3 * self.n + PADDING)), np.zeros(X.size)
-        solver._assemble(path, self.prefix, self.problem.chain, self.multipliers, model, np.zeros(X.size), H, b)
+        newton._assemble(path, self.prefix, self.problem.chain, self.multipliers, model, np.zeros(X.size), H, b)
         return *found[:4], -b, H
 
 
-def new_scratch(of):
-    return solver.new_scratch(of.T, of.n, of.problem.chain, of.terms, of.cols, of.samples, of.prefix)
+def scratch_for(of):
+    return new_scratch(of.T, of.n, of.problem.chain, of.terms, of.cols, of.samples, of.prefix)
 
 
 @pytest.mark.parametrize("names", [("panda",), ("panda", "iiwa")], ids="+".join)
@@ -195,16 +197,16 @@ def test_multipliers_updated_in_place_are_those_of_what_is_violated(grown):
     before = mult.pairs.copy()
     structure = lagrangian.problem.chain, lagrangian.terms, lagrangian.cols, lagrangian.samples
     options, scratch = lagrangian.problem.options.packed, lagrangian.scratch()
-    model = solver.new_model(lagrangian.T, lagrangian.n, *structure[1:])
+    model = new_model(lagrangian.T, lagrangian.n, *structure[1:])
     arguments = lagrangian.X, lagrangian.prefix, *structure, options, mult, model, scratch
-    solver._evaluate(*arguments, 0.0)
+    augmented.evaluate(*arguments, 0.0)
     mult.mu[0] = grown * old
-    merit, _, worst_eq, worst_ineq, change = solver._evaluate(*arguments, old)
+    merit, _, worst_eq, worst_ineq, change = augmented.evaluate(*arguments, old)
     fresh = lagrangian.evaluate(lagrangian.X)
     assert merit == pytest.approx(fresh[0], rel=1e-9)
     assert (worst_eq, worst_ineq) == pytest.approx((fresh[2], fresh[3]), rel=1e-9)
     H, b = np.zeros((lagrangian.X.size, 3 * lagrangian.n + PADDING)), np.zeros(lagrangian.X.size)
-    solver._assemble(lagrangian.X, lagrangian.prefix, structure[0], mult, model, np.zeros(b.size), H, b)
+    newton._assemble(lagrangian.X, lagrangian.prefix, structure[0], mult, model, np.zeros(b.size), H, b)
     np.testing.assert_allclose(-b, fresh[4], rtol=1e-9, atol=1e-7)
     np.testing.assert_allclose(H, fresh[5], rtol=1e-9, atol=1e-7)
     for t in range(lagrangian.T):
@@ -228,9 +230,9 @@ def test_collisions_between_the_steps_are_seen():
         problem = KomoProblem(world.chain, (2,), scene, SolverOptions(substeps=substeps))
         X, prefix = np.array([q0, q1]), np.array([q0, q0])
         structure = world.chain, problem.terms(), problem.arrays(), problem.samples()
-        found[substeps] = solver._evaluate(
-            X, prefix, *structure, problem.options.packed, solver.new_multipliers(2, 7, *structure[1:], 10.0),
-            solver.new_model(2, 7, *structure[1:]), solver.new_scratch(2, 7, *structure, prefix), 0.0,
+        found[substeps] = augmented.evaluate(
+            X, prefix, *structure, problem.options.packed, new_multipliers(2, 7, *structure[1:], 10.0),
+            new_model(2, 7, *structure[1:]), new_scratch(2, 7, *structure, prefix), 0.0,
         )[3]  # fmt: skip
     assert found[1] <= 0.0 < 0.02 < found[2]
 

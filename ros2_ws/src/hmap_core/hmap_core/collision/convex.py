@@ -10,8 +10,11 @@ import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull
 
+from hmap_core.collision.compile_options import OPTIONS
 from hmap_core.collision.edges import hull_edges
-from hmap_core.collision.gjk import FAR, OPTIONS, WORK, distance_within, signed_distance
+from hmap_core.collision.epa import FAR
+from hmap_core.collision.gjk import distance_within, signed_distance
+from hmap_core.collision.simplex import WORK
 from hmap_core.exceptions import Code, InputError
 from hmap_core.transforms import apply
 from hmap_core.types import Shape, ShapeKind

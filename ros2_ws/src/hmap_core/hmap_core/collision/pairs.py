@@ -3,7 +3,8 @@
 import numba as nb
 import numpy as np
 
-from hmap_core.collision.gjk import INLINE, distance_from
+from hmap_core.collision.compile_options import INLINE
+from hmap_core.collision.gjk import distance_from
 
 BEYOND = 1e3  # m: what a pair that is far apart reports
 

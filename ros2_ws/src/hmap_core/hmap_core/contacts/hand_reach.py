@@ -3,8 +3,9 @@
 import numba as nb
 import numpy as np
 
-from hmap_core.collision.gjk import OPTIONS, WORK
+from hmap_core.collision.compile_options import OPTIONS
 from hmap_core.collision.pairs import pair_distance, place_centers
+from hmap_core.collision.simplex import WORK
 
 
 @nb.njit(**OPTIONS)

@@ -5,7 +5,7 @@ import math
 import numba as nb
 import numpy as np
 
-from hmap_core.collision.gjk import INLINE, OPTIONS
+from hmap_core.collision.compile_options import INLINE, OPTIONS
 
 
 @nb.njit(**INLINE)

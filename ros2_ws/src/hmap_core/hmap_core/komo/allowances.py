@@ -4,7 +4,7 @@ import numpy as np
 
 from hmap_core.collision.scene_model import Collisions
 from hmap_core.kinematics.chain import Chain
-from hmap_core.komo.solver import standing_margins
+from hmap_core.komo.path_collisions import standing_min_distances
 
 RELAXATION = 1e-4  # m: what a minimum distance is lowered by beyond what the start needs
 # Between the steps a pair may come nearer than its minimum distance by this share of it, and at least by this much, m.
@@ -23,4 +23,4 @@ def relaxed(chain: Chain, cols: Collisions, q: np.ndarray, phases: int) -> Colli
     A path that starts there can then be feasible; it may leave, and never come nearer than it stands.
     """
     q = np.ascontiguousarray(q, float)
-    return cols._replace(min_distance=standing_margins(q, np.int64(phases), chain, cols, RELAXATION))
+    return cols._replace(min_distance=standing_min_distances(q, np.int64(phases), chain, cols, RELAXATION))

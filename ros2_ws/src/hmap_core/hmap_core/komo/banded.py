@@ -5,7 +5,7 @@ import math
 import numba as nb
 import numpy as np
 
-from hmap_core.collision.gjk import PLAIN
+from hmap_core.collision.compile_options import PLAIN
 
 PADDING = 3  # columns of zeros that the storage has beyond the band, since four rows are taken at a time
 # sums may be regrouped, so that the processor's vector instructions are used

@@ -4,9 +4,10 @@ import numpy as np
 
 from hmap_core.collision.scene_model import Collisions
 from hmap_core.komo.arrays import Samples, Terms
+from hmap_core.komo.ik_kernels import solve_ends
 from hmap_core.komo.options import IK_OPTIONS
+from hmap_core.komo.path_collisions import penetration
 from hmap_core.komo.problem import PathProblem
-from hmap_core.komo.solver import penetration, solve_ends
 
 BUMPS = np.array([0.2, 0.4, 0.8])  # rad: sizes of the random bumps on first guesses
 BRIDGES = 8  # of each size that are tried where the straight way is blocked

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hmap_core.komo.solver import follow, solve_batch, solve_until
+from hmap_core.komo.ik_kernels import follow, solve_batch, solve_until
 from hmap_core.komo.transcription import KomoProblem
 
 

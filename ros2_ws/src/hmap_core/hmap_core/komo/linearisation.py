@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hmap_core.komo import solver
+from hmap_core.komo import objective_rows
 from hmap_core.komo.arrays import Samples, Terms
 from hmap_core.komo.problem import PathProblem
 
@@ -25,7 +25,7 @@ def linearise(
     n = len(start)
     X = np.ascontiguousarray(path, float)
     prefix = np.ascontiguousarray([start, start], float)
-    found, J = solver.linearise(X, prefix, problem.chain, terms, problem.arrays(), samples)
+    found, J = objective_rows.linearise(X, prefix, problem.chain, terms, problem.arrays(), samples)
     count = len(terms.step)
     rows = [(int(terms.objective[m]), int(terms.step[m]), d) for m in range(count) for d in range(terms.dim[m])]
     values = np.array([found[m, d] for m in range(count) for d in range(terms.dim[m])])

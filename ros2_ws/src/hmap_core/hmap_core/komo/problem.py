@@ -12,7 +12,7 @@ from hmap_core.kinematics.chain import Chain
 from hmap_core.komo.features.base import Feature
 from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.options import SolverOptions
-from hmap_core.komo.solver import MAX_ORDER
+from hmap_core.komo.scratch import MAX_ORDER
 
 
 @dataclass

@@ -12,8 +12,9 @@ from collections import namedtuple
 import numba as nb
 import numpy as np
 
-from hmap_core.collision.gjk import INLINE, OPTIONS, PLAIN, WORK
+from hmap_core.collision.compile_options import INLINE, OPTIONS, PLAIN
 from hmap_core.collision.pairs import move_on, pair_distance, place_centers
+from hmap_core.collision.simplex import WORK
 from hmap_core.kinematics.tree import forward
 from hmap_core.komo.arrays import EQ, INEQ
 from hmap_core.komo.features.base import MAX_DIM, call_kernel

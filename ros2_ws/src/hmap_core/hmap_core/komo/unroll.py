@@ -3,7 +3,7 @@
 import numba as nb
 import numpy as np
 
-from hmap_core.collision.gjk import OPTIONS
+from hmap_core.collision.compile_options import OPTIONS
 from hmap_core.komo.arrays import BAND, EQ, Terms
 from hmap_core.komo.features.base import MAX_FRAMES
 

@@ -13,8 +13,8 @@ from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.kinematics.model import KinematicModel, PlacedArm
 from hmap_core.komo.min_distances import ROBOT_CLEARANCE
+from hmap_core.komo.path_collisions import path_violations
 from hmap_core.komo.shapes import body_set
-from hmap_core.komo.solver import path_violations
 from hmap_core.types import Body, BodyKind, Plan, Robot
 from hmap_core.waypoints.checker import ObstacleShapes
 from hmap_core.waypoints.kernels import clearances

@@ -26,7 +26,7 @@ from hmap_core.komo.ik import follow_ik
 from hmap_core.komo.manipulation import CARRIED, Manipulation, Phase, bit, free_opening, retreated
 from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.options import SolverOptions
-from hmap_core.komo.solver import path_violations
+from hmap_core.komo.path_collisions import path_violations
 from hmap_core.komo.sweep import between_violations
 from hmap_core.komo.transcription import KomoProblem
 from hmap_core.komo.violations import VERIFY_STEP

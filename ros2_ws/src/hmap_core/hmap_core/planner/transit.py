@@ -13,7 +13,7 @@ import numpy as np
 
 from hmap_core.collision.scene_model import Collisions
 from hmap_core.kinematics.chain import Chain
-from hmap_core.komo.solver import path_violations
+from hmap_core.komo.path_collisions import path_violations
 from hmap_core.komo.sweep import between_violations
 from hmap_core.planner.hand_moves import HandMoves
 from hmap_core.transforms import rotation_matrix

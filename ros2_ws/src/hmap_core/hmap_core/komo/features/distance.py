@@ -4,7 +4,9 @@ import numpy as np
 from numba import carray, cfunc
 
 from hmap_core.collision.convex import ConvexSet
-from hmap_core.collision.gjk import FAR, WORK, distance_within
+from hmap_core.collision.epa import FAR
+from hmap_core.collision.gjk import distance_within
+from hmap_core.collision.simplex import WORK
 from hmap_core.exceptions import InputError
 from hmap_core.kinematics.tree import point_jacobian
 from hmap_core.komo.features.base import CALLBACK, KERNEL, Feature

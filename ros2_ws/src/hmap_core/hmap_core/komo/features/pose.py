@@ -6,7 +6,7 @@ import numba as nb
 import numpy as np
 from numba import carray, cfunc
 
-from hmap_core.collision.gjk import INLINE
+from hmap_core.collision.compile_options import INLINE
 from hmap_core.komo.features.base import CALLBACK, KERNEL, Feature
 from hmap_core.komo.features.relative import relative_point
 from hmap_core.transforms import rotation_matrices, rotation_numbers

@@ -2,7 +2,7 @@
 
 import numba as nb
 
-from hmap_core.collision.gjk import INLINE
+from hmap_core.collision.compile_options import INLINE
 from hmap_core.kinematics.tree import point_jacobian
 
 
