@@ -26,11 +26,19 @@ Location = tuple[str | int, ...]
 
 @dataclass
 class Document:
-    """A file's data, not to be changed, and where each part of it stands."""
+    """Data of a scene file, and where each part of it stands.
+
+    Attributes:
+        path: of the file; relative paths in the data start from its folder.
+        data: not to be changed where it was read from a file.
+        lines: line, from 1, of each key.
+        origin: what errors name instead of path and line, where the data come from code.
+    """
 
     path: Path
     data: dict[str, Any]
     lines: dict[Location, int] = field(default_factory=dict)
+    origin: str = ""
 
     def line(self, location: Location) -> int:
         """Line, from 1, of the key at ``location`` or of the nearest one around it."""
@@ -52,7 +60,8 @@ class Document:
         """An error that names the file, the line, the key, its value and the problem."""
         value = self.value(location)
         shown = "" if value is None or isinstance(value, dict) or not location else f" = {_shorten(value)}"
-        return InputError(f"{self.path}:{self.line(location)}: {key_text(location)}{shown}: {problem}", code)
+        where = self.origin or f"{self.path}:{self.line(location)}"
+        return InputError(f"{where}: {key_text(location)}{shown}: {problem}", code)
 
 
 def key_text(location: Location) -> str:

@@ -13,6 +13,7 @@ MAX_MAGNITUDE = 1e3  # no length, mass or angle of a scene is larger, in its uni
 MIN_SIZE = 1e-4  # m; smaller shapes are below what contacts and collision checks resolve
 MAX_SIZE = 100.0  # m
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"  # names become frames, topics and keys of plan files
+NAME_RULE = "a name is letters, digits and _, a letter first"
 
 _NUMBER_SCHEMA = {"anyOf": [{"type": "number"}, {"type": "string", "description": "an expression of parameters"}]}
 

@@ -12,7 +12,7 @@ from hmap_core.scenes.document import Document, read
 from hmap_core.scenes.fields import nearest
 from hmap_core.scenes.parameters import draw
 from hmap_core.scenes.robots import load_robot_model
-from hmap_core.scenes.schema import CameraEntry, GoalEntry, TaskFile
+from hmap_core.scenes.schema import CameraEntry, GoalEntry, RobotEntry, TaskFile
 from hmap_core.scenes.validate import validate
 from hmap_core.types import EXECUTED_WITHIN, Body, BodyKind, Camera, Goal, Robot, Scene
 
@@ -44,14 +44,36 @@ def load_scene(task: str | Path, seed: int | None = None) -> Scene:
     Raises:
         InputError: UNKNOWN_TASK, UNKNOWN_OBJECT, UNKNOWN_ROBOT, INVALID_SCENE, INVALID_POSE or INVALID_INPUT (seed).
     """
+    return instantiate(read_task(task), str(task), seed)
+
+
+def read_task(task: str | Path) -> Document:
+    """The file of a task: a name of :func:`list_tasks`, or a path.
+
+    Raises:
+        InputError: UNKNOWN_TASK, or INVALID_SCENE where it is not such a file.
+    """
+    return read(_task_path(task))
+
+
+def instantiate(document: Document, task: str, seed: int | None = None) -> Scene:
+    """The scene that a task's document describes, randomised with ``seed``.
+
+    Args:
+        document: the task.
+        task: its name.
+        seed: as of :func:`load_scene`.
+
+    Raises:
+        InputError: as :func:`load_scene`.
+    """
     if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0):
         raise InputError(f"seed = {seed!r}: must be an integer, 0 or larger")
-    document = read(_task_path(task))
     if seed is None:
         default = document.data.get("seed", 0)
         seed = default if type(default) is int and default >= 0 else 0  # a wrong one is reported by validate
     entry = validate(TaskFile, document, draw(document, int(seed)))
-    return _build(document, entry, str(task), int(seed))
+    return _build(document, entry, task, int(seed))
 
 
 def _task_path(task: str | Path) -> Path:
@@ -81,7 +103,7 @@ def _build(document: Document, entry: TaskFile, task: str, seed: int) -> Scene:
         mode=entry.mode,
         bodies=bodies,
         robots=_robots(document, entry, bodies),
-        cameras={name: _camera(document, name, camera) for name, camera in entry.cameras.items()},
+        cameras={name: build_camera(document, name, camera) for name, camera in entry.cameras.items()},
         goal=_goal(document, entry.goal, bodies),
         motion=entry.motion,
         removable=_removable(document, entry, bodies),
@@ -111,27 +133,39 @@ def _bodies(document: Document, entry: TaskFile, seed: int) -> dict[str, Body]:
 
 
 def _robots(document: Document, entry: TaskFile, bodies: dict[str, Body]) -> dict[str, Robot]:
-    robots = {}
-    for name, robot in entry.robots.items():
-        here = ("robots", name)
+    for name in entry.robots:
         if name in bodies:
-            raise document.error(here, "a body has this name already")
-        try:
-            model = load_robot_model(robot.model, document.path.parent)
-        except InputError as error:
-            raise document.error((*here, "model"), error.reason, error.code) from error
-        q = model.home.copy() if robot.q is None else np.array(robot.q)
-        if len(q) != len(model.joint_names):
-            raise document.error((*here, "q"), f"must have {len(model.joint_names)} numbers, one for each joint")
-        lower, upper = model.position_limits
-        for i in np.flatnonzero((q < lower) | (q > upper)):
-            limits = f"[{lower[i]:g}, {upper[i]:g}]"
-            raise document.error((*here, "q", int(i)), f"must be within the joint's limits {limits}")
-        robots[name] = Robot(name, model, robot.base.vector(), q)
-    return robots
+            raise document.error(("robots", name), "a body has this name already")
+    return {name: build_robot(document, name, robot) for name, robot in entry.robots.items()}
 
 
-def _camera(document: Document, name: str, entry: CameraEntry) -> Camera:
+def build_robot(document: Document, name: str, entry: RobotEntry) -> Robot:
+    """The robot ``name`` of a task's document.
+
+    Raises:
+        InputError: UNKNOWN_ROBOT or INVALID_SCENE.
+    """
+    here = ("robots", name)
+    try:
+        model = load_robot_model(entry.model, document.path.parent)
+    except InputError as error:
+        raise document.error((*here, "model"), error.reason, error.code) from error
+    q = model.home.copy() if entry.q is None else np.array(entry.q)
+    if len(q) != len(model.joint_names):
+        raise document.error((*here, "q"), f"must have {len(model.joint_names)} numbers, one for each joint")
+    lower, upper = model.position_limits
+    for i in np.flatnonzero((q < lower) | (q > upper)):
+        limits = f"[{lower[i]:g}, {upper[i]:g}]"
+        raise document.error((*here, "q", int(i)), f"must be within the joint's limits {limits}")
+    return Robot(name, model, entry.base.vector(), q)
+
+
+def build_camera(document: Document, name: str, entry: CameraEntry) -> Camera:
+    """The camera ``name`` of a task's document.
+
+    Raises:
+        InputError: INVALID_SCENE; its view has no direction, or goes along ``up``.
+    """
     forward = np.subtract(entry.look_at, entry.position)
     right = np.cross(forward, entry.up)
     if np.linalg.norm(right) <= np.sin(MIN_VIEW_ANGLE) * np.linalg.norm(forward) * np.linalg.norm(entry.up):

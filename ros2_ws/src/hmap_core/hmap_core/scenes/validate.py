@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes.document import Document, Location
 from hmap_core.scenes.expressions import evaluate
-from hmap_core.scenes.fields import Strict, nearest
+from hmap_core.scenes.fields import NAME_RULE, Strict, nearest
 
 Model = TypeVar("Model", bound=Strict)
 _BOUNDS = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "too_large"}
@@ -22,26 +22,28 @@ _KINDS = {
 _POSE_KEYS = {"xyz", "rpy_deg", "quaternion"}
 
 
-def validate(model: type[Model], document: Document, parameters: Mapping[str, float]) -> Model:
-    """The document as ``model``, its expressions evaluated with ``parameters``.
+def validate(model: type[Model], document: Document, parameters: Mapping[str, float], location: Location = ()) -> Model:
+    """The document, or its part at ``location``, as ``model``, its expressions evaluated with ``parameters``.
 
     Raises:
         InputError: INVALID_SCENE, or INVALID_POSE where a pose is not one.
     """
     try:
-        return model.model_validate(document.data, context={"parameters": parameters})
+        return model.model_validate(document.value(location), context={"parameters": parameters})
     except ValidationError as error:
-        raise _input_error(document, error, parameters) from error
+        raise _input_error(document, error, parameters, location) from error
 
 
-def _input_error(document: Document, error: ValidationError, parameters: Mapping[str, float]) -> InputError:
+def _input_error(
+    document: Document, error: ValidationError, parameters: Mapping[str, float], part: Location
+) -> InputError:
     details = error.errors(include_url=False)
     first = details[0]
-    location = _location(first)
+    location = (*part, *_location(first))
     problem = _problem(first) + _evaluated(document.value(location), first, parameters)
     error_out = document.error(location, problem, _code(first))
-    if len(details) > 1:
-        more = ", ".join(str(document.line(_location(detail))) for detail in details[1:4])
+    if len(details) > 1 and not document.origin:
+        more = ", ".join(str(document.line((*part, *_location(detail)))) for detail in details[1:4])
         return InputError(f"{error_out.reason} (further errors in line {more})", error_out.code)
     return error_out
 
@@ -61,7 +63,7 @@ def _problem(detail: Mapping[str, Any]) -> str:
             expected = [word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")]
             return f"must be one of {', '.join(expected)}.{nearest(str(value), expected)}"
         case "string_pattern_mismatch":
-            return "a name is letters, digits and _, a letter first"
+            return NAME_RULE
         case "too_short" | "too_long":
             least, most = context.get("min_length"), context.get("max_length")
             return f"has {context['actual_length']} entries; " + (
