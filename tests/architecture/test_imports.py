@@ -28,7 +28,7 @@ LAYERS = (
     {"compile_cache", "exceptions", "transforms"},
     {"types"},
     {"scenes"},
-    {"kinematics", "collision", "simulation", "plan_file"},
+    {"kinematics", "collision", "simulation", "plan_file", "trajectory"},
     {"komo", "validation"},
     {"waypoints", "contacts", "execution"},
     {"planner"},
@@ -38,7 +38,17 @@ LAYERS = (
     {"__main__"},
 )
 # The judge must not share the planner's models, so that an error in them cannot hide.
-PLANNING = {"kinematics", "collision", "komo", "validation", "waypoints", "contacts", "execution", "planner"}
+PLANNING = {
+    "kinematics",
+    "collision",
+    "komo",
+    "validation",
+    "waypoints",
+    "contacts",
+    "trajectory",
+    "execution",
+    "planner",
+}
 JUDGE_MAY_IMPORT = {"exceptions", "validation"}
 
 

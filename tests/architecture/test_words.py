@@ -117,7 +117,7 @@ NOT_CONVERTED = {
     "ros2_ws/src/hmap_core/hmap_core/planner/tools.py",
     "ros2_ws/src/hmap_core/hmap_core/planner/transit.py",
     "ros2_ws/src/hmap_core/hmap_core/planner/transit_search.py",
-    "ros2_ws/src/hmap_core/hmap_core/scenes/collision_pairs.py",
+    "ros2_ws/src/hmap_core/hmap_core/simulation/collision_pairs.py",
     "ros2_ws/src/hmap_core/hmap_core/scenes/fields.py",
     "ros2_ws/src/hmap_core/hmap_core/scenes/grippers.py",
     "ros2_ws/src/hmap_core/hmap_core/scenes/loader.py",

@@ -12,12 +12,12 @@ from hmap.launcher.session import Session
 from hmap.node import LATCHED
 from hmap_core import transforms
 from hmap_core.exceptions import Code
-from hmap_core.execution.stretches import index_at
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.planner.conflicts import first_conflict
 from hmap_core.planner.interruption import contacts
 from hmap_core.scenes import load_scene
 from hmap_core.simulation.dynamic import sphere
+from hmap_core.trajectory.samples import index_at
 from hmap_msgs.action import Manipulate
 from hmap_msgs.msg import BodyArray, Plan
 from hmap_msgs.srv import AddBody, RemoveBody, Reset

@@ -7,8 +7,8 @@ from hmap.world.loop import WorldLoop
 from hmap_core import transforms
 from hmap_core.exceptions import Code, HmapError, InputError
 from hmap_core.scenes import load_scene
-from hmap_core.simulation.controllers import JointTrajectory, Outcome, Tolerances
-from hmap_core.types import Body, BodyKind, Shape, ShapeKind
+from hmap_core.simulation.controllers import Outcome, Tolerances
+from hmap_core.types import Body, BodyKind, JointTrajectory, Shape, ShapeKind
 
 WAIT = 60.0  # s of real time, on a busy machine
 ROBOT = "panda_1"

@@ -314,6 +314,24 @@ class Trajectory:
 
 
 @dataclass(frozen=True)
+class JointTrajectory:
+    """Joint positions and velocities over time.
+
+    Attributes:
+        names: n joint names, in any order.
+        times: (N,) s from the start, increasing, the first >= 0. Where it is above 0 the joints go from where they are
+            told to be to the first point.
+        positions: (N, n) rad.
+        velocities: (N, n) rad/s, for cubic interpolation; None for straight lines between the points.
+    """
+
+    names: tuple[str, ...]
+    times: np.ndarray
+    positions: np.ndarray
+    velocities: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
 class Plan:
     """A solved task: scene, trajectory, contact modes, waypoints, and how it was found."""
 

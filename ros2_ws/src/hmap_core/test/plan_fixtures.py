@@ -5,9 +5,9 @@ from scipy.spatial.transform import Rotation
 from simulation_fixtures import HOME, box, panda_model, scene
 
 from hmap_core import transforms
-from hmap_core.execution.timing import time_parameterise
 from hmap_core.simulation.client import BulletClient
 from hmap_core.simulation.robots import SimulatedRobot
+from hmap_core.trajectory.timing import time_parameterise
 from hmap_core.types import BodyKind, Goal, Plan, Robot, Scene, Segment, SegmentKind, Trajectory
 
 DT = 0.02

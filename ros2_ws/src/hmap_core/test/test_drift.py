@@ -7,7 +7,7 @@ import pytest
 from simulation_fixtures import box, scene
 
 from hmap_core.execution.drift import DRIFT_POSITION, DRIFT_ROTATION, DriftTolerance, drift_reason
-from hmap_core.execution.measured import HEIGHT_NOISE, JOINT_NOISE, TILT_NOISE, upright, without_noise
+from hmap_core.trajectory.measured import HEIGHT_NOISE, JOINT_NOISE, TILT_NOISE, upright, without_noise
 from hmap_core.transforms import distance, from_rpy, pose
 from hmap_core.types import BodyKind, Scene
 

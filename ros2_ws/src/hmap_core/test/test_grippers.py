@@ -15,8 +15,8 @@ from hmap_core.kinematics.arm import FINGER_TOLERANCE, load_arm
 from hmap_core.planner import plan
 from hmap_core.planner.sweep import robot_sweeps
 from hmap_core.scenes import load_robot_model, load_scene
-from hmap_core.scenes.collision_pairs import ignored_pairs
 from hmap_core.simulation.client import BulletClient
+from hmap_core.simulation.collision_pairs import ignored_pairs
 from hmap_core.simulation.world import SimulatedWorld
 from hmap_core.transforms import apply, from_rpy, inverse, multiply, pose
 from hmap_core.types import ContactKind, ContactPoint, Plan, RobotModel, Scene, Segment, SegmentKind, Trajectory

@@ -9,8 +9,8 @@ from hmap_core import transforms
 from hmap_core.exceptions import InputError
 from hmap_core.execution.halt import HELD_SHARE, SHARE, halt
 from hmap_core.execution.stretches import joint_trajectory, stretches
-from hmap_core.simulation.controllers import JointTrajectory, Outcome, TrajectoryController, from_instant
-from hmap_core.types import Goal
+from hmap_core.simulation.controllers import Outcome, TrajectoryController, from_instant
+from hmap_core.types import Goal, JointTrajectory
 
 GOAL = Goal("box", transforms.pose((0.5, 0.05, 0.03)))
 

@@ -5,11 +5,10 @@ import pytest
 from tool_fixtures import push_out
 
 from hmap_core import transforms
-from hmap_core.execution.stretches import index_at
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import plan
-from hmap_core.planner.interruption import state_at
 from hmap_core.planner.place_tool import grip_at, plan_place, tools_used
+from hmap_core.trajectory.samples import index_at, state_at
 from hmap_core.validation import check
 from hmap_core.validation.report import Kind
 

@@ -10,9 +10,10 @@ from hmap_core import planner, transforms
 from hmap_core.exceptions import HmapError
 from hmap_core.plan_file import to_dict
 from hmap_core.planner.conflicts import first_conflict
-from hmap_core.planner.interruption import contacts, held_pose, release, state_at
+from hmap_core.planner.interruption import contacts, held_pose, release
 from hmap_core.planner.repair import Repair, plan_anew, planned_subgoals, rehearse
 from hmap_core.simulation.dynamic import sphere
+from hmap_core.trajectory.samples import state_at
 from hmap_core.validation import check
 
 NUDGE = 0.002  # m

@@ -18,10 +18,10 @@ from hmap_core.planner.interruption import (
     held_pose,
     release,
     stable_sample,
-    state_at,
 )
 from hmap_core.planner.repair import plan_anew
 from hmap_core.simulation.dynamic import sphere
+from hmap_core.trajectory.samples import state_at
 from hmap_core.transforms import apply
 from hmap_core.validation import check
 

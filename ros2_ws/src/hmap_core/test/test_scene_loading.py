@@ -14,9 +14,9 @@ from ruamel.yaml import YAML
 from hmap_core import transforms
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes import list_robots, list_tasks, load_robot_model, load_scene, resources
-from hmap_core.scenes.collision_pairs import ignored_pairs
 from hmap_core.scenes.decompose import decompose
 from hmap_core.scenes.json_schema import MODELS, schema_folder, schema_text
+from hmap_core.simulation.collision_pairs import ignored_pairs
 from hmap_core.types import BodyKind, ShapeKind
 
 TASK = """\

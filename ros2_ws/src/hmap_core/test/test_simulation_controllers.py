@@ -7,15 +7,9 @@ import pytest
 from simulation_fixtures import panda_model
 
 from hmap_core.exceptions import InputError
-from hmap_core.execution.timing import time_parameterise
-from hmap_core.simulation.controllers import (
-    STALL_TIME,
-    GripperController,
-    JointTrajectory,
-    Outcome,
-    Tolerances,
-    TrajectoryController,
-)
+from hmap_core.simulation.controllers import STALL_TIME, GripperController, Outcome, Tolerances, TrajectoryController
+from hmap_core.trajectory.timing import time_parameterise
+from hmap_core.types import JointTrajectory
 
 NAMES = ("a", "b")
 ACCELERATION = np.array([4.0, 8.0])

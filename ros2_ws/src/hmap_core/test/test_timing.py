@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hmap_core.exceptions import MotionError
-from hmap_core.execution.timing import distinct_points, spline, time_parameterise
+from hmap_core.trajectory.timing import distinct_points, spline, time_parameterise
 
 VELOCITY = np.array([2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61])
 ACCELERATION = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])

@@ -13,8 +13,7 @@ from hmap.action_client import ActionClient
 from hmap.naming import Naming
 from hmap.node import HmapNode
 from hmap_core.exceptions import Code, ExecutionError, PlannerError
-from hmap_core.simulation.controllers import JointTrajectory
-from hmap_core.types import Scene
+from hmap_core.types import JointTrajectory, Scene
 from hmap_msgs_py.times import joint_trajectory_to_message, seconds_from_message, time_to_message
 
 POLL = 0.05  # s between looks at a cancel

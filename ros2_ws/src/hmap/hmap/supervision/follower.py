@@ -14,21 +14,14 @@ from hmap_core import transforms
 from hmap_core.exceptions import Code, ExecutionError, MotionError
 from hmap_core.execution.drift import DriftTolerance, drift_reason
 from hmap_core.execution.halt import Halt, halt
-from hmap_core.execution.measured import planned_poses, upright
-from hmap_core.execution.stretches import Stretch, check_executable, index_at, joint_trajectory, stretches
+from hmap_core.execution.stretches import Stretch, check_executable, joint_trajectory, stretches
 from hmap_core.planner.conflicts import Conflict, first_conflict, unknown_bodies
-from hmap_core.planner.interruption import (
-    back_to,
-    clear_sample,
-    contact_at,
-    good_until,
-    release,
-    stable_sample,
-)
+from hmap_core.planner.interruption import back_to, clear_sample, contact_at, good_until, release, stable_sample
 from hmap_core.planner.place_tool import grip_at, plan_place, tools_used
 from hmap_core.planner.planned_contacts import PlannedContact
-from hmap_core.simulation.controllers import JointTrajectory
-from hmap_core.types import Body, BodyKind, Plan, SceneState
+from hmap_core.trajectory.measured import upright
+from hmap_core.trajectory.samples import index_at, poses_at
+from hmap_core.types import Body, BodyKind, JointTrajectory, Plan, SceneState
 
 MOVING = 1e-6  # rad; a joint that moves less in a stretch stands still
 OPENING_CHANGE = 1e-4  # m; a smaller change of the opening needs no command
@@ -138,7 +131,7 @@ class Follower:
         """
         state = state.copy()
         if self._at is not None:
-            for name, planned in planned_poses(*self._at).items():
+            for name, planned in poses_at(*self._at).items():
                 if name in state.poses:
                     state.poses[name] = upright(state.poses[name], planned)
         for robot, q in self._told.items():
@@ -333,7 +326,7 @@ def _drift(plan: Plan, sample: int, state: SceneState) -> str | None:
     The goal's object may be as far off as in the end, once the plan leaves it alone; a tool in any way, once nothing
     more is done with it.
     """
-    planned, goal, now = planned_poses(plan, sample), plan.scene.goal, plan.trajectory.time[sample]
+    planned, goal, now = poses_at(plan, sample), plan.scene.goal, plan.trajectory.time[sample]
     ahead = [segment for segment in plan.segments if segment.start >= now - SAME_TIME]
     for tool in tools_used(plan) - {segment.manipulator for segment in ahead}:
         del planned[tool]

@@ -7,7 +7,7 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from hmap_core import transforms
-from hmap_core.execution.stretches import index_at
+from hmap_core.trajectory.samples import index_at
 from hmap_core.types import Plan, SegmentKind, Shape, ShapeKind
 from hmap_msgs_py.poses import pose_to_message
 

@@ -9,8 +9,8 @@ from hmap.naming import Naming
 from hmap.node import HmapNode
 from hmap.world.loop import Motion, WorldLoop
 from hmap_core.exceptions import HmapError, InputError
-from hmap_core.simulation.controllers import JointTrajectory, Outcome, Tolerances
-from hmap_core.types import Robot
+from hmap_core.simulation.controllers import Outcome, Tolerances
+from hmap_core.types import JointTrajectory, Robot
 from hmap_msgs_py.checks import ConversionError
 from hmap_msgs_py.times import joint_trajectory_from_message, seconds_from_message, time_to_message
 

@@ -9,16 +9,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from hmap_core.exceptions import Code, HmapError, InputError
-from hmap_core.simulation.controllers import (
-    GripperController,
-    JointTrajectory,
-    Outcome,
-    Tolerances,
-    TrajectoryController,
-    from_instant,
-)
+from hmap_core.simulation.controllers import GripperController, Outcome, Tolerances, TrajectoryController, from_instant
 from hmap_core.simulation.world import SimulatedWorld
-from hmap_core.types import Scene
+from hmap_core.types import JointTrajectory, Scene
 
 CHUNK = 5  # steps between two looks at calls and clocks
 CALL_TIMEOUT = 10.0  # s of real time for a call to be taken

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hmap_core.execution.stretches import held_tool, index_at
+from hmap_core.execution.stretches import held_tool
+from hmap_core.trajectory.samples import index_at
 from hmap_core.types import Plan
 
 

@@ -10,11 +10,12 @@ from hmap_core.exceptions import Code, ExecutionError, HmapError
 from hmap_core.execution.attached_tool import AttachedTool, attached_tools
 from hmap_core.execution.drift import DriftTolerance, drift_reason
 from hmap_core.execution.execute import Execution, Progress
-from hmap_core.execution.measured import planned_poses, planned_state, without_noise
 from hmap_core.execution.report import Deviation, ExecutionReport
 from hmap_core.execution.stretches import Stretch
 from hmap_core.execution.watcher import STAY_LIMIT, planned_motion
 from hmap_core.simulation.world import SimulatedWorld
+from hmap_core.trajectory.measured import without_noise
+from hmap_core.trajectory.samples import poses_at, state_at
 from hmap_core.types import Plan, SceneState
 
 # from a state, the how-manieth new plan it is (1, 2, ...), with these tools in hands; or HmapError
@@ -122,7 +123,7 @@ class _ClosedLoop:
 
     def run(self, plan: Plan) -> ClosedLoopReport:
         plans = [plan]
-        places = planned_poses(plan, 0)
+        places = poses_at(plan, 0)
         while True:
             execution = Execution(plans[-1], self._world, places)
             sample, report, reason = self._follow(execution)
@@ -181,13 +182,13 @@ class _ClosedLoop:
         plan, sample = execution.plan, stretch.last
         self._tools = attached_tools(plan, sample, self._tools)
         poses = self._world.state().poses
-        planned = {name: T for name, T in planned_poses(plan, sample).items() if name in stretch.held.values()}
+        planned = {name: T for name, T in poses_at(plan, sample).items() if name in stretch.held.values()}
         if len(stretch.held) != len(self._tools) or len(self._tools) > 1 or drift_reason(planned, poses, SLIP):
             self._tools = {}
             execution.let_go(stretch)
 
     def _drift(self, plan: Plan, sample: int) -> str | None:
-        return drift_reason(planned_poses(plan, sample), self._world.state().poses, self._tolerance)
+        return drift_reason(poses_at(plan, sample), self._world.state().poses, self._tolerance)
 
     def _failed(self, execution: Execution, stretch: Stretch, failure: ExecutionError):
         """Something went wrong in the middle: let go, unless that is no use any more."""
@@ -202,7 +203,7 @@ class _ClosedLoop:
 
     def _planned_anew(self, plan: Plan, sample: int, reason: str) -> Plan | None:
         """A new plan from where everything is now, in as many attempts as are left; None when there is none."""
-        state = without_noise(plan.scene, self._world.state(), planned_state(plan, sample))
+        state = without_noise(plan.scene, self._world.state(), state_at(plan, sample))
         while self._may_replan:
             began = time.monotonic()
             following, failure = None, ""

@@ -11,10 +11,11 @@ import numpy as np
 
 from hmap_core.exceptions import Code, ExecutionError
 from hmap_core.execution.report import Deviation, ExecutionReport
-from hmap_core.execution.stretches import Stretch, check_executable, index_at, joint_trajectory, stretches
+from hmap_core.execution.stretches import Stretch, check_executable, joint_trajectory, stretches
 from hmap_core.execution.watcher import MOVED_LIMIT, WATCH_PERIOD, Watcher, deviation
 from hmap_core.simulation.controllers import GripperController, Outcome, TrajectoryController
 from hmap_core.simulation.world import SimulatedWorld
+from hmap_core.trajectory.samples import index_at
 from hmap_core.types import Plan, SceneState
 
 START_SETTLE = 0.2  # s for the bodies to come to rest before anything moves

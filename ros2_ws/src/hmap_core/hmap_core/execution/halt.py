@@ -6,8 +6,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from hmap_core.execution.stretches import Stretch, joint_trajectory
-from hmap_core.simulation.controllers import JointTrajectory
-from hmap_core.types import Plan
+from hmap_core.types import JointTrajectory, Plan
 
 PERIOD = 0.02  # s between the samples of a stop
 SHARE = 0.9  # of the acceleration limits that is used

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmap_core.exceptions import Code, InputError
-from hmap_core.simulation.controllers import JointTrajectory
-from hmap_core.types import BodyKind, Plan, Segment, SegmentKind, TaskMode
+from hmap_core.trajectory.samples import index_at
+from hmap_core.types import BodyKind, JointTrajectory, Plan, Segment, SegmentKind, TaskMode
 
 REST_SHARE = 0.55  # of acceleration limit * sampling period; starting from rest the first difference is half of it
 GRIPPER_CHANGE = 1e-6  # m per sample; a smaller change of the opening counts as none
@@ -78,14 +78,6 @@ def joint_trajectory(plan: Plan, robot: str, stretch: Stretch) -> JointTrajector
     qd = np.gradient(q, time, axis=0)
     qd[0] = qd[-1] = 0.0
     return JointTrajectory(plan.scene.robots[robot].model.joint_names, time - time[0], q, qd)
-
-
-def index_at(time: np.ndarray, t: float) -> int:
-    """Index of the sample closest to an instant."""
-    after = int(np.searchsorted(time, t))
-    if after == 0 or after == len(time):
-        return min(after, len(time) - 1)
-    return after if time[after] - t < t - time[after - 1] else after - 1
 
 
 def _stretch(plan: Plan, first: int, last: int) -> Stretch:

@@ -7,8 +7,8 @@ import numpy as np
 from hmap_core import transforms
 from hmap_core.exceptions import Code, ExecutionError
 from hmap_core.execution.report import Deviation, SegmentDrift
-from hmap_core.execution.stretches import index_at
 from hmap_core.simulation.world import SimulatedWorld
+from hmap_core.trajectory.samples import index_at
 from hmap_core.types import BodyKind, Plan, SegmentKind
 
 MOVED_LIMIT = 0.02  # m that a body which should stay may move

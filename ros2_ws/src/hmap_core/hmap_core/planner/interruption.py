@@ -4,16 +4,15 @@ import numpy as np
 
 from hmap_core import transforms
 from hmap_core.contacts.feasibility import drawn_back_path, ik_problem
-from hmap_core.execution.stretches import index_at
-from hmap_core.execution.timing import time_parameterise
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.manipulation import GRASP_RETREAT, Manipulation, Phase, free_opening
 from hmap_core.planner.conflicts import Conflict
 from hmap_core.planner.local import placed_bodies
 from hmap_core.planner.motion import FREE_ACCELERATION, FREE_SPEED, HOLD_ACCELERATION, HOLD_SPEED, SAMPLE_PERIOD
 from hmap_core.planner.planned_contacts import PlannedContact, contact_of, planned_contacts
-from hmap_core.simulation.controllers import JointTrajectory
-from hmap_core.types import Plan, Scene, SceneState
+from hmap_core.trajectory.samples import index_at, state_at
+from hmap_core.trajectory.timing import time_parameterise
+from hmap_core.types import JointTrajectory, Plan, Scene, SceneState
 from hmap_core.waypoints import stable_poses
 
 AT_THE_RETREAT = 0.002  # m short of where the hand draws back to
@@ -66,18 +65,6 @@ def stable_sample(plan: Plan, contact: PlannedContact, at: float) -> int:
     others = placed_bodies(plan.scene, state_at(plan, int(rows[-1])), name)
     stands = np.flatnonzero(stable_poses(plan.scene.bodies[name], poses, others))
     return int(rows[stands[-1]]) if len(stands) else contact.begin
-
-
-def state_at(plan: Plan, k: int) -> SceneState:
-    """Where everything is at sample k of a plan."""
-    trajectory = plan.trajectory
-    poses = {name: body.pose.copy() for name, body in plan.scene.bodies.items()}
-    poses.update({name: rows[k].copy() for name, rows in trajectory.objects.items()})
-    return SceneState(
-        {name: q[k].copy() for name, q in trajectory.joints.items()},
-        {name: float(opening[k]) for name, opening in trajectory.gripper.items()},
-        poses,
-    )
 
 
 def back_to(plan: Plan, robot: str, sample: int, q: np.ndarray, at: float) -> JointTrajectory | None:

@@ -17,7 +17,6 @@ from scipy.interpolate import CubicSpline
 from hmap_core.collision.scene_model import CollisionModel, Collisions
 from hmap_core.contacts.feasibility import APPROACH_STEPS, MAX_JUMP, draw_back, ik_problem
 from hmap_core.exceptions import Code, MotionError
-from hmap_core.execution.timing import spline, time_parameterise
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.kinematics.chain import Chain
 from hmap_core.komo.allowances import relaxed, verification
@@ -33,6 +32,7 @@ from hmap_core.komo.violations import VERIFY_STEP
 from hmap_core.planner.interfaces import RobotContact, SubTrajectory
 from hmap_core.planner.transit import resampled
 from hmap_core.planner.transit_search import TransitSearch
+from hmap_core.trajectory.timing import spline, time_parameterise
 from hmap_core.transforms import IDENTITY, consistent, inverse, multiply, multiply_all, pose, rotation_matrix
 from hmap_core.types import (
     AttachedBody,

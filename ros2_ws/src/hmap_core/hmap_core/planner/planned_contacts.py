@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmap_core import transforms
-from hmap_core.execution.stretches import index_at
 from hmap_core.kinematics.arm import load_arm
+from hmap_core.trajectory.samples import index_at
 from hmap_core.types import ContactKind, ContactPoint, Plan, Segment, SegmentKind
 
 STANDS = 0.005  # m; a hand that moves less after a contact does not leave it

@@ -17,8 +17,6 @@ import numpy as np
 
 from hmap_core import transforms
 from hmap_core.exceptions import Code, HmapError, MotionError, PlannerError
-from hmap_core.execution.measured import upright
-from hmap_core.execution.stretches import index_at
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import motion
 from hmap_core.planner.algorithm import Planner, nearest_first
@@ -26,10 +24,11 @@ from hmap_core.planner.assembly import assemble, scene_at, state_after
 from hmap_core.planner.attached_path import attached_paths
 from hmap_core.planner.conflicts import first_conflict, unknown_bodies
 from hmap_core.planner.interfaces import RobotContact, SubTrajectory
-from hmap_core.planner.interruption import state_at
 from hmap_core.planner.local import away_from_home, contact_score
 from hmap_core.planner.obstacle_removal import SolutionSequence, Subgoal, raise_if_final
 from hmap_core.planner.planned_contacts import PlannedContact, contact_of, planned_contacts
+from hmap_core.trajectory.measured import upright
+from hmap_core.trajectory.samples import index_at, state_at
 from hmap_core.transforms import pose
 from hmap_core.types import (
     Body,

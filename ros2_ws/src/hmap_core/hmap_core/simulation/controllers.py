@@ -6,7 +6,6 @@ They are stepped with the present time and neither know nor care whether the joi
 from hmap_core.simulation.gripper_controller import STALL_TIME, GripperController, GripperResult
 from hmap_core.simulation.outcome import Outcome
 from hmap_core.simulation.trajectory_controller import (
-    JointTrajectory,
     Tolerances,
     Tracking,
     TrajectoryController,
@@ -17,7 +16,6 @@ __all__ = [
     "STALL_TIME",
     "GripperController",
     "GripperResult",
-    "JointTrajectory",
     "Outcome",
     "Tolerances",
     "Tracking",

@@ -7,6 +7,7 @@ import numpy as np
 from hmap_core.exceptions import InputError
 from hmap_core.simulation.motions import Follow, Stop
 from hmap_core.simulation.outcome import Outcome
+from hmap_core.types import JointTrajectory
 
 PATH_TOLERANCE = 0.1  # rad; farther behind while moving, a joint is taken to be blocked
 GOAL_TOLERANCE = 0.01  # rad
@@ -14,24 +15,6 @@ STOPPED_VELOCITY = 0.02  # rad/s; slower counts as standing
 GOAL_TIME_TOLERANCE = 1.0  # s after the end of a trajectory for the joints to arrive
 LEAST_TIME = 0.002  # s from now; points of a trajectory that is taken up in its middle come no sooner
 START_TOLERANCE = 0.02  # rad between a trajectory's start and where the joints are told to be
-
-
-@dataclass(frozen=True)
-class JointTrajectory:
-    """Joint positions and velocities over time.
-
-    Attributes:
-        names: n joint names, in any order.
-        times: (N,) s from the start, increasing, the first >= 0. Where it is above 0 the joints go from where they are
-            told to be to the first point.
-        positions: (N, n) rad.
-        velocities: (N, n) rad/s, for cubic interpolation; None for straight lines between the points.
-    """
-
-    names: tuple[str, ...]
-    times: np.ndarray
-    positions: np.ndarray
-    velocities: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,13 @@
 """Files that a plan names by URI, and the points of a mesh."""
 
-from importlib import resources
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
 from hmap_core.exceptions import Code, InputError
+
+PACKAGES = ("pybullet_data", "hmap_scenes")  # data packages that a URI may name; they are not imported
 
 
 def unusable(reason: str) -> InputError:
@@ -14,13 +16,13 @@ def unusable(reason: str) -> InputError:
 
 
 def _root(scheme: str, uri: str) -> Path:
-    if scheme == "pybullet_data":
-        import pybullet_data  # only robots that come with PyBullet need it
-
-        return Path(pybullet_data.getDataPath())
-    if scheme == "hmap_scenes":
-        return Path(str(resources.files("hmap_scenes")))
-    raise unusable(f"{uri!r}: unknown scheme {scheme!r}; allowed are pybullet_data, hmap_scenes, file, or a plain path")
+    if scheme not in PACKAGES:
+        allowed = ", ".join(PACKAGES)
+        raise unusable(f"{uri!r}: unknown scheme {scheme!r}; allowed are {allowed}, file, or a plain path")
+    spec = find_spec(scheme)
+    if spec is None or not spec.submodule_search_locations:
+        raise unusable(f"{uri!r}: the Python package {scheme!r} is not installed")
+    return Path(next(iter(spec.submodule_search_locations)))
 
 
 def locate(uri: str) -> Path:

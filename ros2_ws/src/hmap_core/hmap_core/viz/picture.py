@@ -8,8 +8,8 @@ import numpy as np
 
 from hmap_core import transforms
 from hmap_core.exceptions import InputError
-from hmap_core.execution.stretches import index_at
 from hmap_core.simulation.world import SimulatedWorld
+from hmap_core.trajectory.samples import index_at
 from hmap_core.types import Camera, Plan, Segment, SegmentKind
 from hmap_core.viz.layers import Canvas
 from hmap_core.viz.view import camera_for

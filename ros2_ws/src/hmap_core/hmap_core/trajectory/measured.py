@@ -7,34 +7,14 @@ stable and free. What has really changed stays as it was measured.
 
 import numpy as np
 
+from hmap_core.trajectory.samples import movable_bodies
 from hmap_core.transforms import pose, quaternion_multiply
-from hmap_core.types import BodyKind, Plan, Scene, SceneState
+from hmap_core.types import Scene, SceneState
 
 HEIGHT_NOISE = 0.001  # m of height that a body may be off where it is planned
 TILT_NOISE = float(np.deg2rad(0.5))  # rad of tilt, likewise
 JOINT_NOISE = 0.005  # rad that a joint may be off where it is held
 OPENING_NOISE = 0.001  # m that fingers may be off where they are held
-
-
-def planned_state(plan: Plan, sample: int) -> SceneState:
-    """Where a plan has everything at one of its samples."""
-    trajectory = plan.trajectory
-    state = plan.scene.start_state()
-    state.q.update({name: q[sample].copy() for name, q in trajectory.joints.items()})
-    state.gripper.update({name: float(opening[sample]) for name, opening in trajectory.gripper.items()})
-    state.poses.update({name: poses[sample].copy() for name, poses in trajectory.objects.items()})
-    return state
-
-
-def planned_poses(plan: Plan, sample: int) -> dict[str, np.ndarray]:
-    """The poses (7,) that a plan has its movable bodies at, at one of its samples."""
-    poses = planned_state(plan, sample).poses
-    return {name: poses[name] for name in movable_bodies(plan.scene)}
-
-
-def movable_bodies(scene: Scene) -> list[str]:
-    """Names of the bodies that can move."""
-    return [name for name, body in scene.bodies.items() if body.kind is not BodyKind.FIXED]
 
 
 def without_noise(scene: Scene, measured: SceneState, planned: SceneState) -> SceneState:

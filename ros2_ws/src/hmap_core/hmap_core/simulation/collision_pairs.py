@@ -1,4 +1,4 @@
-"""Which pairs of a robot's links need no collision check: ``python -m hmap_core.scenes.collision_pairs panda``.
+"""Which pairs of a robot's links need no collision check: ``python -m hmap_core.simulation.collision_pairs panda``.
 
 Over random configurations within the joint limits (and random gripper openings), a pair is ignored when its links are
 adjacent, when they overlap in every configuration, or when they never come nearer than ``FAR``. Links without shape are

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hmap_core.exceptions import MotionError
-from hmap_core.execution.path_speed import fastest_speed
+from hmap_core.trajectory.path_speed import fastest_speed
 
 DUPLICATE_DISTANCE = 1e-6  # rad; points closer than this to the last kept one are one point
 LIMIT_MARGIN = 0.99  # share of the limits used in planning the speed; the rest covers what happens between grid points
