@@ -5,7 +5,7 @@ import pytest
 from geometry_fixtures import box, yaw
 
 from hmap_core.contacts.camera import project, visible_points
-from hmap_core.contacts.cloud import cloud_from_depth, merged
+from hmap_core.contacts.cloud import cloud_from_depth, merge_clouds
 from hmap_core.contacts.solids import interval, solids
 from hmap_core.contacts.surface import sample_surface
 from hmap_core.exceptions import InputError
@@ -144,13 +144,13 @@ def test_the_cloud_of_a_depth_picture_lies_on_the_object():
     axis = np.abs(cloud.points).argmax(axis=1)
     faces[np.arange(len(faces)), axis] = np.sign(cloud.points[np.arange(len(faces)), axis])
     assert np.sum(cloud.normals * faces, axis=1)[inner].min() > 0.99
-    assert len(merged([cloud, cloud])) == 2 * len(cloud)
+    assert len(merge_clouds([cloud, cloud])) == 2 * len(cloud)
 
 
 def test_depth_pictures_without_the_object_and_wrong_ones():
     K = np.eye(3)
     nothing = cloud_from_depth(np.full((4, 4), np.nan), np.ones((4, 4), bool), K, IDENTITY, IDENTITY)
-    assert len(nothing) == 0 and len(merged([])) == 0
+    assert len(nothing) == 0 and len(merge_clouds([])) == 0
     with pytest.raises(InputError):
         cloud_from_depth(np.ones((4, 4)), np.ones((4, 5), bool), K, IDENTITY, IDENTITY)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hmap_core import transforms
-from hmap_core.contacts.estimate import MIN_DISTANCE, MIN_POINTS, estimate_body, follow_body
+from hmap_core.contacts.estimate import MIN_DISTANCE, MIN_POINTS, estimate_body, track_body
 from hmap_core.types import ShapeKind
 
 NOISE = 0.0005  # m
@@ -68,7 +68,7 @@ def test_a_known_ball_is_followed_by_a_small_part_of_it():
     there = np.array([0.1, 0.05, 0.02])
     seen = cap(there, radius, rng, 2000)
     seen = seen[seen[:, 0] > there[0] + 0.012]  # the rest is hidden
-    body = follow_body(known, seen, eye)
+    body = track_body(known, seen, eye)
     assert body.shapes == known.shapes
     assert np.linalg.norm(body.pose[:3] - there) < 0.003
 
@@ -77,6 +77,6 @@ def test_what_does_not_fit_a_known_ball_is_not_followed():
     rng, eye = np.random.default_rng(0), np.array([0.0, 0.0, 2.0])
     known = estimate_body("ball", cap(np.zeros(3), 0.03, rng))
     thing = top_and_side(transforms.pose(), (0.1, 0.1, 0.1), rng)
-    assert follow_body(known, thing, eye) is None
-    assert follow_body(estimate_body("thing", thing), thing, eye) is None
-    assert follow_body(known, thing[: MIN_POINTS - 1], eye) is None
+    assert track_body(known, thing, eye) is None
+    assert track_body(estimate_body("thing", thing), thing, eye) is None
+    assert track_body(known, thing[: MIN_POINTS - 1], eye) is None

@@ -7,7 +7,7 @@ import pytest
 from simulation_fixtures import HOME, panda_model
 
 from hmap_core import transforms
-from hmap_core.contacts.hand import fitting
+from hmap_core.contacts.hand import drop_unfit_grasps
 from hmap_core.types import Body, BodyKind, ContactKind, ContactPoint, Robot, Shape, ShapeKind
 
 FROM_ABOVE = (0.0, 1.0, 0.0, 0.0)
@@ -38,14 +38,14 @@ def grasp(x: float, opening: float = 0.04) -> ContactPoint:
     ],
 )
 def test_fingers_close_on_the_faces_alone(contact, fits):
-    assert (fitting(body(BAR, KNOB), [contact], ARM) == [contact]) == fits
+    assert (drop_unfit_grasps(body(BAR, KNOB), [contact], ARM) == [contact]) == fits
 
 
 def test_a_single_box_has_nothing_beside_its_faces():
     contacts = [grasp(0.03), grasp(0.07)]
-    assert fitting(body(BAR), contacts, ARM) == contacts
+    assert drop_unfit_grasps(body(BAR), contacts, ARM) == contacts
 
 
 def test_what_only_touches_is_let_through():
     push = replace(grasp(0.03), kind=ContactKind.PUSH)
-    assert fitting(body(BAR, KNOB), [push], ARM) == [push]
+    assert drop_unfit_grasps(body(BAR, KNOB), [push], ARM) == [push]

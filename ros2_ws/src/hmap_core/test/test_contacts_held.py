@@ -8,8 +8,8 @@ from geometry_fixtures import box, coal_distance, coal_shape, yaw
 from hmap_core.contacts.access import accessible
 from hmap_core.contacts.camera import Cloud
 from hmap_core.contacts.candidates import CONTACT_GAP, Hand, Situation
-from hmap_core.contacts.facets import facets, held_facets, placed
-from hmap_core.contacts.hold import GRAVITY, pad_balance, turning_share
+from hmap_core.contacts.facets import attached_facets, facet_poses, facets
+from hmap_core.contacts.grasp_torque import GRAVITY, pad_balance, weight_torque_ratio
 from hmap_core.contacts.push import push_reach
 from hmap_core.contacts.sampler import sample_contacts
 from hmap_core.contacts.solids import solids
@@ -64,8 +64,10 @@ def test_facets_are_on_the_surface_and_foremost(shape, count):
 def test_a_facet_is_laid_on_points_whatever_the_roll():
     up = rotation_matrix(HELD.T_ee_body) @ HELD.up
     cloud = cloud_of(BRICK, 20)
-    for facet in held_facets(HELD):
-        R, origin, upright, index = placed(facet, up, cloud.points, cloud.normals, FORWARD_UP, np.random.default_rng(0))
+    for facet in attached_facets(HELD):
+        R, origin, upright, index = facet_poses(
+            facet, up, cloud.points, cloud.normals, FORWARD_UP, np.random.default_rng(0)
+        )
         assert len(R) == len(origin) == len(upright) == len(index) == 80
         for r, p, k in zip(R, origin, index, strict=True):
             assert np.linalg.det(r) == pytest.approx(1.0)
@@ -122,12 +124,12 @@ def test_the_weight_beside_the_grip_uses_up_the_friction_of_the_pads():
     for x in (0.0, 0.02, 0.04):
         T = from_rpy((x, 0.0, 0.0), (np.pi, 0.0, 0.0))  # closes along y
         grasp = ContactPoint(ContactKind.GRASP, T, np.zeros(3), np.array([0, 1.0, 0]), 0.06, FORWARD_UP)
-        share = turning_share(BRICK, [grasp], GRIPPER, up)
+        share = weight_torque_ratio(BRICK, [grasp], GRIPPER, up)
         assert share[0] == pytest.approx(BRICK.mass * GRAVITY * x / capacity, abs=1e-9)
     across = ContactPoint(
         ContactKind.GRASP, from_rpy((0.04, 0, 0), (np.pi, 0, np.pi / 2)), np.zeros(3), up, 0.06, FORWARD_UP
     )
-    assert turning_share(BRICK, [across], GRIPPER, up)[0] == pytest.approx(0.0, abs=1e-9)
+    assert weight_torque_ratio(BRICK, [across], GRIPPER, up)[0] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_pad_over_an_edge_is_uneven():

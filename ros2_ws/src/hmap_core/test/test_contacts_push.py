@@ -8,9 +8,9 @@ from geometry_fixtures import box, yaw
 from hmap_core.contacts.camera import Cloud
 from hmap_core.contacts.candidates import Hand, Situation
 from hmap_core.contacts.friction import stable_pushes
+from hmap_core.contacts.grasp_torque import GRAVITY, push_torque_ratio
 from hmap_core.contacts.grippable import grippable
-from hmap_core.contacts.hold import GRAVITY, pushing_share
-from hmap_core.contacts.push import HELD_GAP, Slide, slide_twists
+from hmap_core.contacts.push import ATTACHED_CLEARANCE, SlidingBody, slide_twists
 from hmap_core.contacts.push_path import sides
 from hmap_core.contacts.sampler import sample_contacts
 from hmap_core.contacts.surface import sample_surface
@@ -48,14 +48,14 @@ def test_a_stick_as_wide_as_the_object_can_follow_it_into_a_narrow_channel():
     def fits(contact):
         corners = apply(multiply(contact.T_obj_ee, HELD.T_ee_body), CORNERS)
         beside, below = np.abs(corners[:, 1]).max() - 0.03, -0.03 - corners[:, 2].min()
-        return beside < 1e-6 and below <= -HELD_GAP + 1e-6
+        return beside < 1e-6 and below <= -ATTACHED_CLEARANCE + 1e-6
 
     contacts = pushes_of(CRATE, HOLDING)
     assert sum(fits(c) for c in contacts) >= 20
 
 
 def test_only_sides_that_can_push_are_asked_and_none_of_these_is_left_out():
-    slide = Slide(CRATE, T_CRATE)
+    slide = SlidingBody(CRATE, T_CRATE)
     angle = np.linspace(-np.pi, np.pi, 73)[:-1] + 0.01
     normals = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
     twists = slide_twists(T_CRATE, AHEAD, slide.centre)
@@ -78,14 +78,14 @@ def test_what_a_push_turns_the_tool_by_is_friction_at_the_lever_of_the_grip():
     low = ContactPoint(ContactKind.PUSH, T_HOLD, np.array([-0.05, 0.0, 0.0]), way, 0.0, np.array([0, 0, 1.0]))
     lifted = ContactPoint(ContactKind.PUSH, T_HOLD, np.array([-0.05, 0.0, 0.04]), way, 0.0, np.array([0, 0, 1.0]))
     capacity = 4.0 / 3.0 * HELD.friction * GRIPPER.force * GRIPPER.pad_half_width
-    share = pushing_share(HELD, GRIPPER, CRATE, [low, lifted])
+    share = push_torque_ratio(HELD, GRIPPER, CRATE, [low, lifted])
     assert share == pytest.approx([0.0, CRATE.friction * CRATE.mass * GRAVITY * 0.04 / capacity], abs=1e-9)
-    assert pushing_share(HELD, GRIPPER, CRATE, []).shape == (0,)
+    assert push_torque_ratio(HELD, GRIPPER, CRATE, []).shape == (0,)
 
 
 @pytest.mark.parametrize(("body", "count"), [(CRATE, 4), (OCTAGON, 8)])
 def test_the_sides_of_what_is_pushed(body, count):
-    found = sides(body, Slide(body, T_CRATE))
+    found = sides(body, SlidingBody(body, T_CRATE))
     angle = np.sort(np.mod([side.heading - 0.3 for side in found], 2 * np.pi))
     assert len(found) == count
     np.testing.assert_allclose(np.mod(angle * count / (2 * np.pi) + 0.5, 1.0), 0.5, atol=1e-6)
@@ -94,7 +94,7 @@ def test_the_sides_of_what_is_pushed(body, count):
 def test_a_side_that_is_not_before_the_middle_is_none_and_one_goes_farther_to_one_hand():
     foot = (Shape(ShapeKind.BOX, (0.20, 0.04, 0.04)), Shape(ShapeKind.BOX, (0.02, 0.10, 0.04), pose((0.09, 0.07, 0.0))))
     hook = Body("hook", BodyKind.MOVABLE, foot, pose((0, 0, 0.02)), mass=0.2, friction=0.6)
-    slide = Slide(hook, pose((0, 0, 0.02)))
+    slide = SlidingBody(hook, pose((0, 0, 0.02)))
     found = {round(np.rad2deg(side.heading)): side.curvature for side in sides(hook, slide)}
     assert -90 not in found  # the end of its arm is beside the middle, and nothing flat goes from there to its foot
     right, left = np.array(found[90]) * slide.length**2  # of the long side that is pushed along y

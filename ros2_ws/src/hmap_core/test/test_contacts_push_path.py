@@ -7,8 +7,8 @@ import pytest
 from geometry_fixtures import TABLE, box, yaw
 
 from hmap_core.contacts.friction import in_cone, needed_wrench
-from hmap_core.contacts.push import Slide
-from hmap_core.contacts.push_path import PushPlanner, sides, ways_in
+from hmap_core.contacts.push import SlidingBody
+from hmap_core.contacts.push_path import PushPlanner, final_pushes, sides
 from hmap_core.transforms import distance, interpolate, pose
 from hmap_core.types import BodyKind, Shape, ShapeKind
 from hmap_core.waypoints import ObjectPathProblem, plan_waypoints
@@ -33,7 +33,7 @@ def straight(problem):
 
 def assert_can_be_pushed(path, body=CRATE):
     """At each step some force on one side, within 70 % of the friction, is what the motion needs."""
-    slide = Slide(body, path[0])
+    slide = SlidingBody(body, path[0])
     width = 0.06
     lines = []
     for side in sides(body, slide):
@@ -58,10 +58,10 @@ def assert_free(problem, path):
 
 
 def test_a_crate_has_four_sides_and_turns_more_the_farther_from_its_middle_it_is_pushed():
-    found = sides(CRATE, Slide(CRATE, at(0, 0, 30)))
+    found = sides(CRATE, SlidingBody(CRATE, at(0, 0, 30)))
     headings = np.sort(np.rad2deg([side.heading for side in found]))
     np.testing.assert_allclose(headings, [-150, -60, 30, 120], atol=1e-3)
-    length = Slide(CRATE, at(0, 0)).length
+    length = SlidingBody(CRATE, at(0, 0)).length
     for side in found:
         np.testing.assert_allclose(side.curvature, np.array([-0.05, 0.05]) / length**2, rtol=0.05)
 
@@ -115,7 +115,7 @@ def test_what_has_no_flat_sides_or_no_room_or_no_table_has_no_way():
 
 
 def test_ways_in_end_at_the_goal_and_come_from_all_sides():
-    ways = ways_in(CRATE, at(0.1, 0.2, 30), 4)
+    ways = final_pushes(CRATE, at(0.1, 0.2, 30), 4)
     assert len(ways) == 4
     for way in ways:
         np.testing.assert_allclose(way[-1], at(0.1, 0.2, 30))

@@ -7,8 +7,8 @@ import pytest
 from gripper_fixtures import GRIPPERS, TASK, write_robot, write_task
 
 from hmap_core import plan_file
-from hmap_core.contacts.hand import hand_of, seated
-from hmap_core.contacts.hold import turning_share
+from hmap_core.contacts.grasp_torque import weight_torque_ratio
+from hmap_core.contacts.hand import align_pads, hand_of
 from hmap_core.exceptions import InputError
 from hmap_core.execution.execute import execute
 from hmap_core.kinematics.arm import FINGER_TOLERANCE, load_arm
@@ -167,11 +167,11 @@ def test_a_grasp_puts_the_pads_where_it_was_sampled(models, kind):
     for opening in (0.02, 0.06):
         grasp = ContactPoint(ContactKind.GRASP, T, T[:3], np.array([0.0, 1.0, 0.0]), opening, np.array([0.0, 0, 1]))
         push = replace(grasp, kind=ContactKind.PUSH)
-        (moved, same) = seated([grasp, push], gripper)
+        (moved, same) = align_pads([grasp, push], gripper)
         tip = apply(moved.T_obj_ee, [0.0, 0.0, arm.finger_vertices(opening)[:, 2].max()])
         np.testing.assert_allclose(tip, closed, atol=ROUNDED)
         np.testing.assert_array_equal(same.T_obj_ee, T)
-    assert seated([grasp], replace(gripper, tips=()))[0] is grasp
+    assert align_pads([grasp], replace(gripper, tips=()))[0] is grasp
 
 
 def test_what_turns_in_the_hand_is_told_at_the_pads(scenes, models):
@@ -180,8 +180,8 @@ def test_what_turns_in_the_hand_is_told_at_the_pads(scenes, models):
     T = from_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0))
     grasp = ContactPoint(ContactKind.GRASP, T, T[:3], np.array([0.0, 1.0, 0.0]), 0.075, np.array([0.0, 0.0, 1.0]))
     up = np.array([0.0, 0.0, 1.0])
-    assert turning_share(body, seated([grasp], gripper), gripper, up)[0] == pytest.approx(0.0, abs=1e-9)
-    assert turning_share(body, [grasp], gripper, up)[0] > 0.05
+    assert weight_torque_ratio(body, align_pads([grasp], gripper), gripper, up)[0] == pytest.approx(0.0, abs=1e-9)
+    assert weight_torque_ratio(body, [grasp], gripper, up)[0] > 0.05
 
 
 def test_the_palm_is_where_the_hand_is_nearest_between_the_fingers(models, scenes):

@@ -18,7 +18,7 @@ from hmap.node import LATCHED, HmapNode, run
 from hmap.perception.detected_objects import DetectedObjects
 from hmap.perception.fusion import Fusion
 from hmap.perception.pictures import Picture, PictureParts
-from hmap_core.contacts.cloud import cloud_from_depth, merged
+from hmap_core.contacts.cloud import cloud_from_depth, merge_clouds
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes import load_scene
 from hmap_core.types import BodyKind, Scene
@@ -162,7 +162,7 @@ class Perception(HmapNode):
         message = ObjectClouds()
         message.header.stamp, message.header.frame_id = stamp, FRAME
         for name, seen in self._seen.items():
-            cloud = merged([cloud for cloud in seen.values() if len(cloud)])
+            cloud = merge_clouds([cloud for cloud in seen.values() if len(cloud)])
             if len(cloud):
                 pose = fusion.pose_at(name, picture.time)
                 message.clouds.append(cloud_to_message(name, pose, cloud, stamp))

@@ -8,7 +8,7 @@ import numpy as np
 from hmap.perception.pictures import Picture
 from hmap_core import transforms
 from hmap_core.contacts.cloud import cloud_from_depth
-from hmap_core.contacts.estimate import estimate_body, follow_body
+from hmap_core.contacts.estimate import estimate_body, track_body
 from hmap_core.scenes.fields import NAME_PATTERN
 from hmap_core.types import Body, Scene, ShapeKind
 
@@ -50,7 +50,7 @@ class DetectedObjects:
         seen[picture.camera.name] = (picture.time, points)
         together = np.concatenate([points for time, points in seen.values() if time == picture.time])
         known = self.bodies.get(name)
-        body = follow_body(known, together, picture.camera.pose[:3]) if known else None
+        body = track_body(known, together, picture.camera.pose[:3]) if known else None
         body = body or estimate_body(name, together, self._floor(together))
         if body is None or (name in self.bodies and not _differs(self.bodies[name], body)):
             return False

@@ -1,1 +1,1 @@
-"""Algorithm 3: where and how an object may be touched."""
+"""Algorithm 3: contact points on an object, and how a manipulator reaches them."""

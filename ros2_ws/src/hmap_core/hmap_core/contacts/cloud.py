@@ -1,4 +1,4 @@
-"""The object's point cloud from a real (or rendered) depth picture: the paper's getCameraView on hardware."""
+"""The object's point cloud from a measured (or rendered) depth picture: the paper's getCameraView on hardware."""
 
 import numpy as np
 import open3d as o3d
@@ -7,35 +7,36 @@ from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import InputError
 from hmap_core.transforms import apply, inverse, multiply, rotation_matrix
 
-# one point is kept per cube of this edge, m
+# edge of a voxel, m; one point is kept per voxel
 VOXEL = 0.004
-# a point is an outlier when its mean distance to its neighbours is this many standard deviations above the mean
+# a point is an outlier if its mean distance to its neighbours is this many standard deviations above the mean
 OUTLIER_NEIGHBOURS = 16
 OUTLIER_DEVIATIONS = 2.0
 # normals are fitted to the neighbours in this radius, m
 NORMAL_RADIUS = 0.012
 NORMAL_NEIGHBOURS = 30
-# fewer points than this are no surface
+# smallest number of points of a cloud
 MIN_POINTS = 20
 
 
 def cloud_from_depth(
     depth: np.ndarray, mask: np.ndarray, intrinsics: np.ndarray, T_world_optical: np.ndarray, T_world_obj: np.ndarray
 ) -> Cloud:
-    """Point cloud with normals of the masked object, in the object frame.
+    """Compute the point cloud with normals of the masked object.
 
     Args:
-        depth: (H, W) metres along the optical axis; not finite or not positive where there is no reading.
+        depth: (H, W) m along the optical axis; not finite or not positive: no measurement.
         mask: (H, W) true on the object.
         intrinsics: (3, 3) pinhole matrix.
-        T_world_optical: (7,) optical frame (x right, y down, z forward).
-        T_world_obj: (7,) the object's pose when the picture was taken.
+        T_world_optical: (7,) pose of the optical frame (x right, y down, z forward).
+        T_world_obj: (7,) the object's pose at the time of the picture.
 
     Returns:
-        Down-sampled to VOXEL, outliers removed, normals towards the camera; empty when too little is seen.
+        The cloud in the object frame: down-sampled to VOXEL, without outliers, with normals towards the camera. Empty
+        if fewer than MIN_POINTS points are visible.
 
     Raises:
-        InputError: shapes that do not fit together.
+        InputError: the arrays' shapes do not match.
     """
     depth, mask = np.asarray(depth, float), np.asarray(mask, bool)
     if depth.ndim != 2 or depth.shape != mask.shape or np.shape(intrinsics) != (3, 3):
@@ -58,15 +59,15 @@ def cloud_from_depth(
     return Cloud(apply(T_obj_optical, np.asarray(cloud.points)), normals, np.ones(len(normals), bool))
 
 
-def merged(clouds: list[Cloud]) -> Cloud:
-    """One cloud of several cameras' clouds of the same object."""
+def merge_clouds(clouds: list[Cloud]) -> Cloud:
+    """One cloud from the clouds of several cameras of the same object."""
     if not clouds:
         return _empty()
     return Cloud(*(np.concatenate([getattr(c, f) for c in clouds]) for f in ("points", "normals", "seen")))
 
 
 def _back_projected(depth: np.ndarray, mask: np.ndarray, K: np.ndarray) -> np.ndarray:
-    """Points (N, 3) in the optical frame of the masked pixels that have a reading."""
+    """Points (N, 3) in the optical frame of the masked pixels with a measurement."""
     v, u = np.nonzero(mask & np.isfinite(depth) & (depth > 0.0))
     z = depth[v, u]
     return np.c_[(u - K[0, 2]) * z / K[0, 0], (v - K[1, 2]) * z / K[1, 1], z]

@@ -1,27 +1,31 @@
-"""The body behind the points that a camera sees of an unknown thing: a sphere where it looks like one, else a box."""
+"""The shape of an unknown body from the points that a camera sees: a sphere if the points fit one, otherwise a box."""
 
 import numpy as np
 
 from hmap_core import transforms
 from hmap_core.types import Body, BodyKind, Shape, ShapeKind
 
-MIN_POINTS = 20  # fewer are no thing
-MAX_POINTS = 4000  # more are thinned
+MIN_POINTS = 20  # fewer are no body
+MAX_POINTS = 4000  # more are down-sampled
 SPHERE_RESIDUAL = 0.002  # m, root mean square of the points' distances from the sphere
-SPHERE_RADII = (0.005, 0.25)  # m, that are believed
-MIN_DISTANCE = 0.002  # m by which shapes are made larger than what was seen
-YAWS = 90  # turns of a box about the vertical that are tried
-ROUNDS = 10  # of following a sphere
-OUTLIERS = 1.0  # per cent of the points at each side that count as noise
+SPHERE_RADII = (0.005, 0.25)  # m, plausible radii
+MIN_DISTANCE = 0.002  # m by which shapes are larger than the visible points
+YAWS = 90  # number of yaw angles of a box that are tried
+ROUNDS = 10  # iterations of tracking a sphere
+OUTLIERS = 1.0  # percentage of the points at each side that count as noise
 
 
 def estimate_body(name: str, points: np.ndarray, floor: float = -np.inf) -> Body | None:
-    """A fixed body that holds what was seen; None where too little was.
+    """Estimate a fixed body that contains the visible points.
 
     Args:
+        name: name of the body.
         points: (N, 3) on its surface, world frame, m.
-        floor: height (m) of what it could stand on. What is hidden below what was seen of a box counts as filled down
-            to there.
+        floor: height in m of the surface that the body could stand on. A box extends down to there, because its lower
+            part can be hidden.
+
+    Returns:
+        The body, or None with fewer than MIN_POINTS points.
     """
     points = np.asarray(points, float)
     if len(points) < MIN_POINTS:
@@ -32,14 +36,18 @@ def estimate_body(name: str, points: np.ndarray, floor: float = -np.inf) -> Body
     return Body(name, BodyKind.FIXED, (shape,), T)
 
 
-def follow_body(body: Body, points: np.ndarray, eye: np.ndarray) -> Body | None:
-    """A sphere that was estimated before, where new points have it; None for other shapes, or where they do not fit it.
+def track_body(body: Body, points: np.ndarray, eye: np.ndarray) -> Body | None:
+    """Update the position of an estimated sphere from new points.
 
-    Less of it needs to be seen than for a new estimate, since its size is known.
+    The sphere's size is known, so fewer visible points suffice than for a new estimate.
 
     Args:
+        body: a body from :func:`estimate_body`.
         points: (N, 3) on its surface, world frame, m.
-        eye: (3,) from where they were seen.
+        eye: (3,) position of the camera, world frame, m.
+
+    Returns:
+        The sphere at its new position; None for other shapes, or if the points do not fit.
     """
     points = np.asarray(points, float)
     (shape,) = body.shapes
@@ -47,7 +55,7 @@ def follow_body(body: Body, points: np.ndarray, eye: np.ndarray) -> Body | None:
         return None
     radius = shape.size[0] - MIN_DISTANCE
     middle = points.mean(axis=0)
-    center = middle + radius * (middle - eye) / np.linalg.norm(middle - eye)  # behind what is seen
+    center = middle + radius * (middle - eye) / np.linalg.norm(middle - eye)  # behind the visible points
     for _ in range(ROUNDS):  # Gauss-Newton on the distances from the surface
         way = points - center
         length = np.linalg.norm(way, axis=1)
@@ -77,7 +85,7 @@ def _sphere(points: np.ndarray) -> tuple[Shape, np.ndarray] | None:
 
 
 def _box(points: np.ndarray, floor: float) -> tuple[Shape, np.ndarray]:
-    """The upright box of least area round the points."""
+    """The upright box with the smallest base area around the points."""
     low, high = np.percentile(points[:, 2], [OUTLIERS, 100.0 - OUTLIERS])
     low = floor if np.isfinite(floor) and floor < high else low
     best = None

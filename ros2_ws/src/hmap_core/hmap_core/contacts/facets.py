@@ -1,4 +1,4 @@
-"""Facets: the places of a held body with which it can touch, as plane patches and the edges of round ones."""
+"""Facets: the parts of an attached body that can touch an object, as planar patches and the edges of round shapes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,15 +11,15 @@ from hmap_core.contacts.candidates import CONTACT_GAP, FEATURE, tangents
 from hmap_core.transforms import apply, rotation_matrix
 from hmap_core.types import AttachedBody, Shape, ShapeKind
 
-# directions round a cylinder or capsule in which it can touch
+# number of directions around a cylinder or capsule in which it can touch
 ROUND = 12
-# facets of a mesh whose normals differ by less are one; cosine
+# facets of a mesh whose normals differ by less are merged; cosine
 SAME_NORMAL = 0.999
-# turns of a facet about the normal of what it touches, rad; at the first the body is upright as it stood
+# rotations of a facet about the touched surface's normal, rad; the body is upright as it stood at the first one
 ROLLS = np.deg2rad([0.0, 90.0, 180.0, 270.0])
-# share of the touches in which the middle of a facet lies on the point; in the others any place of it does
+# share of the touches in which the middle of a facet is at the point; in the others a random point of it is
 MIDDLE = 0.5
-# points of a surface that are tried with one facet
+# points of a surface that are tried with each facet
 PER_FACET = 40
 
 
@@ -28,7 +28,7 @@ class Facet:
     """A patch of a convex shape that is foremost in one direction.
 
     Attributes:
-        vertices: (V, 3) its corners, on the surface.
+        vertices: (V, 3) its corners on the surface, m.
         normal: (3,) outward unit normal.
     """
 
@@ -37,7 +37,7 @@ class Facet:
 
 
 def _directions(shape: Shape, points: np.ndarray) -> np.ndarray:
-    """Directions (K, 3) in the frame of ``points``, of a shape with these hull vertices."""
+    """Directions (K, 3) in the frame of ``points``, for a shape with these hull vertices."""
     axes = rotation_matrix(shape.pose).T
     if shape.kind == ShapeKind.BOX:
         return np.concatenate([axes, -axes])
@@ -56,7 +56,7 @@ def _directions(shape: Shape, points: np.ndarray) -> np.ndarray:
 
 
 def facets(shapes: Sequence[Shape]) -> list[Facet]:
-    """The facets of all shapes, in the frame of their body; those inside of another shape included."""
+    """The facets of all shapes in their body's frame, including those inside another shape."""
     found = []
     for shape in shapes:
         points, radius = hull_vertices(shape)
@@ -66,13 +66,13 @@ def facets(shapes: Sequence[Shape]) -> list[Facet]:
     return found
 
 
-def held_facets(held: AttachedBody) -> list[Facet]:
-    """The facets of what a hand holds, in the end-effector frame."""
+def attached_facets(held: AttachedBody) -> list[Facet]:
+    """The facets of an attached body in the end-effector frame."""
     R = rotation_matrix(held.T_ee_body)
     return [Facet(apply(held.T_ee_body, f.vertices), R @ f.normal) for f in facets(held.shapes)]
 
 
-def placed(
+def facet_poses(
     facet: Facet,
     up: np.ndarray,
     points: np.ndarray,
@@ -82,17 +82,21 @@ def placed(
     middle: float = MIDDLE,
     count: int = PER_FACET,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Poses of the end-effector frame at which a facet lies CONTACT_GAP above points of a surface, in all ROLLS.
+    """Poses of the end-effector frame at which a facet is CONTACT_GAP above points of a surface, with all ROLLS.
 
     Args:
         facet: in the end-effector frame.
-        up: (3,) what is up for the body it belongs to, end-effector frame.
-        points, normals: (N, 3) of the surface, of which at most ``count`` are used; ``toward`` (3,) is up there.
-        rng: draws the points, and which place of the facet lies on them, where it is not the middle.
-        middle: share of the touches in which it is the middle.
+        up: (3,) vertical direction of the facet's body, end-effector frame.
+        points: (N, 3) of the surface, m; at most ``count`` are used.
+        normals: (N, 3) outward unit normals of the surface.
+        toward: (3,) vertical direction in the surface's frame.
+        rng: draws the points, and the facet's point that touches them.
+        middle: share of the touches in which the facet's middle touches.
+        count: largest number of points.
 
     Returns:
-        R (M, 3, 3), origin (M, 3), upright (M,): cosine between both ups, and the number (M,) of the point.
+        R (M, 3, 3), origin (M, 3), upright (M,): cosine between both vertical directions, and the index (M,) of the
+        point.
     """
     K = len(ROLLS)
     chosen = rng.permutation(len(points))[:count]

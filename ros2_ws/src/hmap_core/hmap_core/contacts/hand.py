@@ -1,4 +1,4 @@
-"""The hand of a robot as the contact sampler sees it, and where it has to be for its pads to touch."""
+"""The model of a robot's hand for the contact sampler, and the hand's pose at which its pads touch."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,16 +14,20 @@ from hmap_core.komo.surroundings import hull_set
 from hmap_core.transforms import IDENTITY, apply, from_matrix, inverse, multiply, pose
 from hmap_core.types import Body, ContactKind, ContactPoint, Gripper, Robot, ShapeKind
 
-PALM_STEP = 0.001  # m to which the palm's distance is rounded down
-FITS = 9e-4  # m that a closed finger may be off a surface or inside of it; the judge allows 1 mm
-OPENINGS = 9  # at which the palm's distance is looked for where parts of the hand move with the opening
+PALM_STEP = 0.001  # m; the palm's distance is rounded down to a multiple
+FINGER_TOLERANCE = 9e-4  # m; largest distance and depth of a closed finger at a surface; the judge allows 1 mm
+# number of openings at which the palm's distance is computed, for hands with parts that move with the opening
+OPENINGS = 9
 
 
 _PALMS: dict[int, tuple[Arm, float]] = {}
 
 
 def hand_of(robot: Robot) -> Hand:
-    """A robot's hand, or what it holds; an arm without fingers touches with its last link."""
+    """Make the hand model of a robot.
+
+    With an attached body, that body touches in place of the fingers. An arm without fingers touches with its last link.
+    """
     model = robot.model
     arm, gripper = load_arm(model), model.gripper
     if model.attached is not None or gripper is None:
@@ -34,11 +38,11 @@ def hand_of(robot: Robot) -> Hand:
 
 
 def _palm(arm: Arm) -> float:
-    """Distance (m) along the approach from what of the hand is nearest to an object between the pads, to their middle.
+    """Distance (m) along the approach from the palm to the middle between the pads: the smallest over all openings.
 
-    The smallest over all openings; infinite where nothing of the hand can be in the way.
+    Infinite if no part of the hand can touch an object between the pads.
     """
-    if id(arm) not in _PALMS:  # the arm is kept with it, so that no other one gets its id
+    if id(arm) not in _PALMS:  # keeps the arm alive, so that no other arm gets its id
         gripper = arm.model.gripper
         openings = np.linspace(gripper.min_opening, gripper.max_opening, OPENINGS)
         nearest = min(gripper.reach_at(opening) - _foremost(arm, opening) for opening in openings)
@@ -47,7 +51,7 @@ def _palm(arm: Arm) -> float:
 
 
 def _foremost(arm: Arm, opening: float) -> float:
-    """How far along the approach (m, end-effector frame) the hand reaches between its fingers, these left out."""
+    """How far along the approach (m, end-effector frame) the hand without its fingers reaches between the fingers."""
     T, half = inverse(from_matrix(arm.T_tip_ee)), 0.5 * opening
     farthest = -np.inf
     for hull in arm.hulls:
@@ -58,12 +62,12 @@ def _foremost(arm: Arm, opening: float) -> float:
 
 
 def _highest_within(points: np.ndarray, half: float) -> float:
-    """Largest z of the convex hull of points (n, 3) where abs(y) is at most ``half`` (m); -inf where it is nowhere."""
+    """Largest z of the convex hull of points (n, 3) with abs(y) at most ``half`` (m); -inf without such points."""
     y, z = points[:, 1], points[:, 2]
     inside = np.abs(y) <= half
     highest = z[inside].max(initial=-np.inf)
     for edge in (-half, half):
-        # the section at y = edge is the hull of where lines between points on either side cross it
+        # the section at y = edge is the hull of its intersections with lines between points on both sides
         low, high = points[y < edge], points[y > edge]
         if len(low) and len(high):
             share = (edge - low[:, None, 1]) / (high[None, :, 1] - low[:, None, 1])
@@ -71,10 +75,15 @@ def _highest_within(points: np.ndarray, half: float) -> float:
     return float(highest)
 
 
-def seated(contacts: Sequence[ContactPoint], gripper: Gripper) -> list[ContactPoint]:
-    """Grasps with the hand moved to where its pads are, which at other openings than closed lie elsewhere in it.
+def align_pads(contacts: Sequence[ContactPoint], gripper: Gripper) -> list[ContactPoint]:
+    """Move the hand of grasps to where its pads are at the object; the pads' position depends on the opening.
 
-    Given are grasps with the end-effector frame in the middle of the object between the pads.
+    Args:
+        contacts: grasps have the end-effector frame in the middle between the pads; other kinds do not change.
+        gripper: gives the pads' positions.
+
+    Returns:
+        The contacts, with corrected ``T_obj_ee`` of grasps.
     """
     if not gripper.tips:
         return list(contacts)
@@ -86,11 +95,19 @@ def seated(contacts: Sequence[ContactPoint], gripper: Gripper) -> list[ContactPo
     ]
 
 
-def fitting(body: Body, contacts: Sequence[ContactPoint], robot: Robot) -> list[ContactPoint]:
-    """The contacts without the grasps of which a closed finger hangs in the air, or is in another part of the object.
+def drop_unfit_grasps(body: Body, contacts: Sequence[ContactPoint], robot: Robot) -> list[ContactPoint]:
+    """Drop grasps in which a closed finger does not touch the object, or penetrates another part of it.
 
-    The sampler looks along the closing axis, and sees neither what is beside the pads nor that faces lean. Grasps are
-    those of :func:`seated`. A single box, cylinder, capsule or ball has nothing like that.
+    The sampler considers the object along the closing axis only: neither the regions beside the pads nor sloping faces.
+    Every grasp of a single box, cylinder, capsule or sphere fits.
+
+    Args:
+        body: the object.
+        contacts: grasps come from :func:`align_pads`; other kinds are kept.
+        robot: its fingers are checked.
+
+    Returns:
+        The contacts that fit.
     """
     if len(body.shapes) == 1 and body.shapes[0].kind is not ShapeKind.MESH:
         return list(contacts)
@@ -102,11 +119,11 @@ def fitting(body: Body, contacts: Sequence[ContactPoint], robot: Robot) -> list[
     def fits(contact: ContactPoint) -> bool:
         T = multiply(contact.T_obj_ee, T_ee_tip)
         off = (set_distance(_opened(finger, contact.opening), T, own, IDENTITY) for finger in fingers)
-        return all(abs(distance) <= FITS for distance in off)
+        return all(abs(distance) <= FINGER_TOLERANCE for distance in off)
 
     return [contact for contact in contacts if contact.kind != ContactKind.GRASP or fits(contact)]
 
 
 def _opened(finger: Sequence[LinkHull], opening: float) -> ConvexSet:
-    """The hulls of a finger in the tip frame, the gripper open by ``opening`` metres."""
+    """The hulls of a finger in the tip frame, with the gripper open by ``opening`` metres."""
     return hull_set([(hull.at(opening), hull.radius, *hull.sphere_at(opening), hull.edges) for hull in finger])

@@ -1,4 +1,7 @@
-"""Pushes: closed fingers, or a held body, against a side of an object that slides on its support."""
+"""Pushes: closed fingers, or an attached body, against a side of an object that slides on its support.
+
+The push is a line contact that sticks (stable push: Lynch & Mason, "Stable pushing", IJRR 1996).
+"""
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
@@ -10,56 +13,63 @@ from hmap_core.contacts import scoring
 from hmap_core.contacts.access import on_face
 from hmap_core.contacts.camera import Cloud
 from hmap_core.contacts.candidates import CONTACT_GAP, Candidates, Hand, HandPoses, Situation, frames, on_surface
-from hmap_core.contacts.facets import MIDDLE, held_facets, placed
+from hmap_core.contacts.facets import MIDDLE, attached_facets, facet_poses
 from hmap_core.contacts.friction import characteristic_length, cone_generators, in_cone, needed_wrench, stable_pushes
 from hmap_core.contacts.solids import Solids, solids
 from hmap_core.transforms import IDENTITY, apply, inverse, multiply, rotation_matrix
 from hmap_core.types import Body, ContactKind, ContactPoint
 from hmap_core.waypoints.support import centre_of_mass, feet
 
-# a face this near to upright can be pushed, rad
+# largest angle of a pushed face to the vertical, rad
 UPRIGHT = float(np.deg2rad(10.0))
-# lean of the fingers from pointing straight down towards pointing at the face, rad
+# angle of the fingers between pointing straight down and pointing at the face, rad
 LEANS = np.deg2rad([0.0, 30.0, 60.0, 90.0])
-# turns of the hand about its approach: pads' faces or flanks against the object
+# rotations of the hand about its approach: faces or sides of the pads against the object
 ROLLS = np.deg2rad([0.0, 90.0, 180.0, 270.0])
-# share of the object's friction coefficient that a push counts on
+# share of the object's friction coefficient that a push relies on
 FRICTION_SHARE = 0.7
-# what pushes and what is pushed overlap by this much in height, m
+# smallest overlap of pusher and object in height, m
 OVERLAP = 0.003
-# fingers end at least this high over the support, m
+# lowest height of the fingertips above the support, m
 MIN_HEIGHT = 0.01
 # a motion that rises or tilts by more than this is not a slide
 MAX_RISE = 1e-3  # m
 MAX_TILT = float(np.deg2rad(1.0))
-# ways to come to the face: how far down and to the side for each metre ahead, and what that costs in score
-FINGER_WAYS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.05))
-HELD_WAYS = (*FINGER_WAYS, (0.0, 1.0, 0.05), (0.0, -1.0, 0.05))
-# what is held, where its height is free, is this far over the support, m
-HELD_GAP = 0.005
-# points that are tried with one facet of what is held, and of those in the middle of the face
+# approach directions: metres down and to the side for each metre ahead, and their cost in score
+FINGER_APPROACHES = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.05))
+ATTACHED_APPROACHES = (*FINGER_APPROACHES, (0.0, 1.0, 0.05), (0.0, -1.0, 0.05))
+# height of an attached body above the support, if its height is free, m
+ATTACHED_CLEARANCE = 0.005
+# points that are tried with each facet of an attached body, and of those moved to balance the push
 PER_FACET, HEIGHTS = 16, 8
-# of forces, as shares of the largest
+# relative rounding error of forces
 ROUNDING = 1e-9
-# steps by which a contact line is shortened to end on the face
+# factors by which a contact line is shortened to end on the face
 SHRINKING = np.linspace(1.0, 0.0, 11)
-# this much of a contact line is not counted on at each end, m: the object creeps along it, the pressure is uneven;
-# at most this share of half the line
+# part of a contact line that is not relied on at each end, m, because the object creeps along the line and the
+# pressure is uneven; at most this share of half the line
 EDGE, EDGE_SHARE = 0.002, 0.4
-# of so many points of a face one is also moved to where the push is balanced
-BALANCED = 4
-# a push is the steadier, the more of these it does without at the ends of its line, m, with this share of the friction
-STEADY, STEADY_SHARE = (0.004, 0.008, 0.012), 0.5
-# vertices this near to the pushed plane touch it, m
+# every n-th point of a face is also moved to where the push is balanced
+BALANCED_EVERY = 4
+# a push is more robust if it is stable without these parts of its line's ends, m, and with this share of friction
+ROBUST_EDGES, ROBUST_SHARE = (0.004, 0.008, 0.012), 0.5
+# vertices that are nearer to the pushed plane touch it, m
 TOUCHING = 4 * CONTACT_GAP
-# motions that differ by less than this share of their size are one
+# motions with a smaller relative difference are the same
 SAME_TWIST = 1e-3
 
 
 def slide_twists(T0: np.ndarray, T1: np.ndarray, centre: np.ndarray) -> np.ndarray | None:
-    """Twists (2, 3) vx, vy, w of the object's ``centre`` (3,) at both ends of a slide, in level axes fixed to it.
+    """Twists of a planar motion.
 
-    The level axes are those of the world while the object is at T0. None when T1 is not reached from T0 on a plane.
+    Args:
+        T0: T_world_obj (7,) at the start.
+        T1: T_world_obj (7,) at the end.
+        centre: (3,) the object's centre of mass, object frame.
+
+    Returns:
+        Twists (2, 3) vx, vy, w of the centre at start and end, in level axes fixed to the object; these are the world's
+        axes while the object is at T0. None if no planar motion leads from T0 to T1.
     """
     turn = multiply(np.r_[np.zeros(3), T1[3:]], inverse(np.r_[np.zeros(3), T0[3:]]))[3:]
     turn = turn if turn[3] >= 0.0 else -turn
@@ -76,7 +86,7 @@ def slide_twists(T0: np.ndarray, T1: np.ndarray, centre: np.ndarray) -> np.ndarr
 
 
 def _oriented(n: int, normals: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Frames (n * K, 3, 3) for every lean and roll."""
+    """Frames (n * K, 3, 3) for all K angles and rotations of the hand."""
     lean = np.tile(np.repeat(LEANS, len(ROLLS)), n)
     roll = np.tile(ROLLS, n * len(LEANS))
     count = len(LEANS) * len(ROLLS)
@@ -88,19 +98,21 @@ def _oriented(n: int, normals: np.ndarray, up: np.ndarray) -> np.ndarray:
     return frames(z, x)
 
 
-class Slide:
+class SlidingBody:
     """An object that slides on its support.
 
     Args:
         body: the object.
-        T_world_obj: (7,) where it stands.
+        T_world_obj: (7,) its pose.
 
     Attributes:
-        level: (3, 3) from the object's frame to level axes, those of the world at T_world_obj.
-        up: (3,) in the object's frame.
-        footprint: polygons (n, 2) on which it stands, level axes; empty when it does not stand on a face.
-        lowest, top: m, height of the support, and of the object's top, over the object's origin.
-        centre, middle: (3,), (2,) centre of mass, in the object's frame and on the ground.
+        level: (3, 3) rotation from the object's frame to level axes, which are the world's axes at T_world_obj.
+        up: (3,) vertical direction in the object's frame.
+        footprint: polygons (n, 2) on which it stands, level axes; empty if it does not stand on a face.
+        lowest: height of the support above the object's origin, m.
+        top: height of the object's top above its origin, m.
+        centre: (3,) centre of mass, object frame, m.
+        middle: (2,) centre of mass on the ground, level axes, m.
     """
 
     def __init__(self, body: Body, T_world_obj: np.ndarray):
@@ -116,54 +128,73 @@ class Slide:
 
     @cached_property
     def length(self) -> float:
-        """Characteristic length under even pressure, m."""
+        """Characteristic length in m for uniform pressure."""
         return characteristic_length(self.footprint, self.middle)
 
     @cached_property
     def rim_length(self) -> float:
-        """Characteristic length of a body that rests on the corners of its footprint, as most do, m."""
+        """Characteristic length in m of a body that rests on its footprint's corners, as most do."""
         return float(np.linalg.norm(np.concatenate(self.footprint) - self.middle, axis=1).mean())
 
     @cached_property
     def likely_length(self) -> float:
-        """Characteristic length in the middle of both, as nobody knows where the object's weight rests, m."""
+        """Characteristic length in m between both, because the true pressure distribution is unknown."""
         return float(np.sqrt(0.5 * (self.length**2 + self.rim_length**2)))
 
     def lines(self, points, normals, R, origin, feature, tip) -> tuple[np.ndarray, np.ndarray]:
-        """Lines of contact: ends (N, 2, 2) about the middle and normals (N, 2) in level axes.
+        """Contact lines of a pusher on faces of the object.
 
-        The vertices ``tip`` (V, 3) of the pusher that are ``feature`` (N, V) lie against the face at ``points``.
+        Args:
+            points: (N, 3) contact points, object frame, m.
+            normals: (N, 3) outward unit normals there.
+            R: (N, 3, 3) orientation of the end-effector frame.
+            origin: (N, 3) its position, m.
+            feature: (N, V) which vertices of the pusher touch the face.
+            tip: (V, 3) the pusher's vertices, end-effector frame, m.
+
+        Returns:
+            Ends (N, 2, 2) of the lines relative to the middle, and normals (N, 2), in level axes.
         """
-        flat = _leveled(normals, self.level)
+        flat = _to_plane(normals, self.level)
         flat /= np.linalg.norm(flat, axis=1)[:, None]
         sideways = np.stack([flat[:, 1], -flat[:, 0], np.zeros(len(flat))], axis=1) @ self.level
         ends = _contact_lines(points, normals, sideways, R, origin, feature, tip, self.own)
-        return np.stack([_leveled(e, self.level) for e in ends], axis=1) - self.middle, flat
+        return np.stack([_to_plane(e, self.level) for e in ends], axis=1) - self.middle, flat
 
     def behind(self, normals: np.ndarray, twists: np.ndarray, friction: float) -> np.ndarray:
-        """Which sides (N,) can push at all: for all twists (T, 3), the needed force is in their friction cone.
+        """Which sides (N,) can push: their friction cones contain the needed force for all twists (T, 3).
 
-        All forces of a line contact are in that cone of its side, whatever their moment.
+        All forces of a line contact are in the friction cone of its side, whatever their moment.
         """
-        flat = _leveled(normals, self.level)
+        flat = _to_plane(normals, self.level)
         ahead, across = flat @ -twists[:, :2].T, np.abs(flat[:, ::-1] @ (twists[:, :2] * [1.0, -1.0]).T)
         return np.all((ahead > 0.0) & (across <= friction * ahead + ROUNDING), axis=1)
 
     def balanced(self, cloud: Cloud, twists: np.ndarray) -> Cloud:
-        """Points of upright faces moved along them, level, to where the force that the twists (T, 3) need passes.
+        """Move points of upright faces horizontally along the face to the line of action of the needed force.
 
-        Those for which that is beyond their face stop before its edge.
+        A point whose line of action is beyond its face stops before the edge.
+
+        Args:
+            cloud: points on upright faces, object frame.
+            twists: (T, 3) of the motion, level axes.
+
+        Returns:
+            The moved points.
         """
-        flat = _leveled(cloud.normals, self.level)
+        flat = _to_plane(cloud.normals, self.level)
         along = np.stack([flat[:, 1], -flat[:, 0]], axis=1) / np.linalg.norm(flat, axis=1)[:, None]
-        places = _leveled(cloud.points, self.level) - self.middle
-        way = _level_with(places, along, needed_wrench(twists, self.likely_length).mean(axis=0))
+        places = _to_plane(cloud.points, self.level) - self.middle
+        way = _line_of_action(places, along, needed_wrench(twists, self.likely_length).mean(axis=0))
         offset = np.where(np.isfinite(way), way, 0.0)[:, None] * np.c_[along, np.zeros(len(along))] @ self.level
         share = on_face(cloud.points, cloud.normals, offset, SHRINKING, *self.own.arrays)
         return Cloud(cloud.points + share[:, None] * offset, cloud.normals, cloud.seen)
 
     def twists(self, poses: np.ndarray) -> Iterator[np.ndarray | None]:
-        """Twists (2, 3) vx, vy, w of each step between poses (M, 7), in level axes on the object; None: no slide."""
+        """Twists (2, 3) vx, vy, w of each step between poses (M, 7), in level axes fixed to the object.
+
+        None for a step that is no planar motion.
+        """
         for T0, T1 in zip(poses, poses[1:], strict=False):
             twists = slide_twists(T0, T1, self.centre)
             if twists is not None:
@@ -185,13 +216,26 @@ def pushes(
     situation: Situation,
     rng: np.random.Generator,
 ) -> Candidates | None:
-    """Pushes that carry the object to its next pose, sticking and without toppling it; None when it does not slide.
+    """Stable pushes that move the object to its next pose without toppling it.
 
-    The line of contact is the part of the closed fingertips, or of a facet of the held body, that lies on the face.
+    The contact line is the part of the closed fingertips, or of a facet of the attached body, that is on the face.
+
+    Args:
+        body: the object.
+        cloud: surface points, object frame.
+        own: the object's shapes.
+        centre: (3,) its centre of mass, object frame, m.
+        radius: its radius about the centre, m.
+        hand: the fingers, or the attached body.
+        situation: the object's pose and next pose, and the robot's position.
+        rng: the only source of randomness.
+
+    Returns:
+        The pushes; None if the motion is not planar or the object does not stand on a face.
     """
     if situation.T_world_next is None:
         return None
-    slide = Slide(body, situation.T_world_obj)
+    slide = SlidingBody(body, situation.T_world_obj)
     twists = slide_twists(situation.T_world_obj, situation.T_world_next, slide.centre)
     if twists is None or not slide.footprint:
         return None
@@ -202,7 +246,7 @@ def pushes(
     if not len(cloud):
         return None
     sets = (
-        _held_poses(slide, cloud, twists, hand, rng)
+        _attached_poses(slide, cloud, twists, hand, rng)
         if hand.attached
         else [_finger_poses(slide, cloud, twists, hand.tip)]
     )
@@ -211,23 +255,23 @@ def pushes(
         normals = cloud.normals[index]
         ends, flat = slide.lines(points, normals, R, origin, feature, tip)
         keep = stable_pushes(_shortened(ends, EDGE, EDGE_SHARE), flat, FRICTION_SHARE * friction, twists, slide.length)
-        steady = np.mean(
+        robust = np.mean(
             [
-                stable_pushes(_shortened(ends, e, 1.0), flat, STEADY_SHARE * friction, twists, slide.length)
-                for e in STEADY
+                stable_pushes(_shortened(ends, e, 1.0), flat, ROBUST_SHARE * friction, twists, slide.length)
+                for e in ROBUST_EDGES
             ],
             axis=0,
         )
         keep &= _overlaps(slide, R, origin, feature, tip)
         keep &= _stays_upright(points @ slide.up - slide.lowest, flat, slide.footprint, slide.middle, friction)
         score = (
-            scoring.place(points, normals, cloud.seen[index], centre, radius, situation)
+            scoring.position_score(points, normals, cloud.seen[index], centre, radius, situation)
             + scoring.W_ABOVE * scoring.above(R[:, :, 2], situation.T_world_obj)
             + scoring.W_UPRIGHT * upright
-            + scoring.W_STEADY * steady
+            + scoring.W_ROBUST * robust
         )
         sideways = np.cross(normals, slide.up)
-        for down, aside, price in HELD_WAYS if hand.attached else FINGER_WAYS:
+        for down, aside, price in ATTACHED_APPROACHES if hand.attached else FINGER_APPROACHES:
             way = -normals - down * slide.up + aside * sideways
             approach = np.einsum("nij,ni->nj", R, way / np.linalg.norm(way, axis=1)[:, None])
             arrays = (R, origin, np.full(len(points), hand.closed), approach, points, normals, score - price)
@@ -237,17 +281,19 @@ def pushes(
     return Candidates(ContactKind.PUSH, poses.R[:, :, 2], points, normals, score, poses.__getitem__)
 
 
-def _overlaps(slide: Slide, R: np.ndarray, origin: np.ndarray, feature: np.ndarray, tip: np.ndarray) -> np.ndarray:
-    """Whether (N,) what touches begins by OVERLAP below the object's top, and does not end below its bottom."""
+def _overlaps(
+    slide: SlidingBody, R: np.ndarray, origin: np.ndarray, feature: np.ndarray, tip: np.ndarray
+) -> np.ndarray:
+    """Whether (N,) pusher and object overlap in height by OVERLAP."""
     height = np.einsum("i,nij,vj->nv", slide.up, R, tip) + (origin @ slide.up)[:, None]
     low, high = (f(np.where(feature, height, e), axis=1) for f, e in ((np.min, np.inf), (np.max, -np.inf)))
     return (slide.top - low >= OVERLAP) & (high >= slide.lowest + OVERLAP)
 
 
-def _finger_poses(slide: Slide, cloud: Cloud, twists: np.ndarray, tip: np.ndarray):
-    """Closed fingers at the points, and at some of them moved to where the push is balanced."""
-    own = np.r_[np.arange(len(cloud)), np.arange(len(cloud))[::BALANCED]]
-    points = np.concatenate([cloud.points, slide.balanced(cloud[::BALANCED], twists).points])
+def _finger_poses(slide: SlidingBody, cloud: Cloud, twists: np.ndarray, tip: np.ndarray):
+    """Closed fingers at the points, and at every n-th point moved to balance the push."""
+    own = np.r_[np.arange(len(cloud)), np.arange(len(cloud))[::BALANCED_EVERY]]
+    points = np.concatenate([cloud.points, slide.balanced(cloud[::BALANCED_EVERY], twists).points])
     R = _oriented(len(own), cloud.normals[own], slide.up)
     turns = len(R) // len(own)
     points, index = np.repeat(points, turns, axis=0), np.repeat(own, turns)
@@ -255,36 +301,45 @@ def _finger_poses(slide: Slide, cloud: Cloud, twists: np.ndarray, tip: np.ndarra
     return points, R, origin, feature, tip, np.zeros(len(R)), index
 
 
-def _held_poses(slide: Slide, cloud: Cloud, twists: np.ndarray, hand: Hand, rng: np.random.Generator):
-    """For each facet of what is held, the poses in which it lies against the points; and those moved to balance.
+def _attached_poses(slide: SlidingBody, cloud: Cloud, twists: np.ndarray, hand: Hand, rng: np.random.Generator):
+    """For each facet of the attached body, its poses against the points, and against points moved to balance the push.
 
-    At the latter the middle of the facet lies where the force passes, as far as the face allows, and nothing of what is
-    held is nearer to the support than HELD_GAP.
+    At the moved points the facet's middle is on the force's line of action, as far as the face allows, and no part of
+    the attached body is nearer to the support than ATTACHED_CLEARANCE.
     """
     own_up = rotation_matrix(hand.attached.T_ee_body) @ hand.attached.up
     even = slide.balanced(cloud, twists)
-    for facet in held_facets(hand.attached):
+    for facet in attached_facets(hand.attached):
         for own, share, count in ((cloud, MIDDLE, PER_FACET), (even, 1.0, HEIGHTS)):
-            R, origin, upright, index = placed(facet, own_up, own.points, own.normals, slide.up, rng, share, count)
+            R, origin, upright, index = facet_poses(facet, own_up, own.points, own.normals, slide.up, rng, share, count)
             points = own.points[index]
             if own is even:
                 lowest = (np.einsum("i,nij,vj->nv", slide.up, R, hand.tip) + (origin @ slide.up)[:, None]).min(axis=1)
-                lift = np.maximum(0.0, slide.lowest + HELD_GAP - lowest)[:, None] * slide.up
+                lift = np.maximum(0.0, slide.lowest + ATTACHED_CLEARANCE - lowest)[:, None] * slide.up
                 points, origin = points + lift, origin + lift
             feature = np.ones((len(R), len(facet.vertices)), bool)
             yield points, R, origin, feature, facet.vertices, upright, index
 
 
 def push_reach(body: Body, hand: Hand, contacts: Sequence[ContactPoint], poses: np.ndarray) -> np.ndarray:
-    """How far (K,) pushes carry the object along poses (M, 7) without slipping: index of a pose.
+    """How far pushes move the object along a path without slipping.
 
-    The line of contact is found anew from where the pusher is, so that contacts of any origin can be asked about.
+    The contact line is computed from the pusher's pose, so the contacts can have any source.
+
+    Args:
+        body: the object.
+        hand: the fingers, or the attached body.
+        contacts: K contacts on the object.
+        poses: (M, 7) T_world_obj.
+
+    Returns:
+        (K,) index of the last pose that each push reaches; M - 1 for contacts that are no pushes.
     """
     last = np.full(len(contacts), len(poses) - 1)
     own = np.array([k for k, c in enumerate(contacts) if c.kind == ContactKind.PUSH], int)
     if not len(own):
         return last
-    slide = Slide(body, poses[0])
+    slide = SlidingBody(body, poses[0])
     if not slide.footprint:
         last[own] = 0
         return last
@@ -294,7 +349,7 @@ def push_reach(body: Body, hand: Hand, contacts: Sequence[ContactPoint], poses: 
     points, normals = np.array([c.point for c in pushing]), np.array([c.normal for c in pushing])
     corners = np.array([apply(T, hand.tip) for T in at])
     off = np.abs(np.einsum("nvi,ni->nv", corners - points[:, None], normals))
-    feature = off <= np.maximum(off.min(axis=1, keepdims=True), TOUCHING)  # of a round end the nearest vertex
+    feature = off <= np.maximum(off.min(axis=1, keepdims=True), TOUCHING)  # for a round tip the nearest vertex
     ends, flat = slide.lines(points, normals, R, at[:, :3], feature, hand.tip)
     generators = cone_generators(
         _shortened(ends, EDGE, EDGE_SHARE), flat, FRICTION_SHARE * hand.friction(body.friction)
@@ -319,19 +374,19 @@ def push_reach(body: Body, hand: Hand, contacts: Sequence[ContactPoint], poses: 
     return last
 
 
-def _level_with(places: np.ndarray, along: np.ndarray, wrench: np.ndarray) -> np.ndarray:
-    """How far (N,) along (N, 2) from places (N, 2) a wrench (fx, fy, m) acts as a force; not finite: nowhere."""
+def _line_of_action(places: np.ndarray, along: np.ndarray, wrench: np.ndarray) -> np.ndarray:
+    """Distance (N,) along directions (N, 2) from points (N, 2) to a wrench's line of action; not finite: parallel."""
     fx, fy, m = wrench
     with np.errstate(divide="ignore", invalid="ignore"):
         return (m - places[:, 0] * fy + places[:, 1] * fx) / (along[:, 0] * fy - along[:, 1] * fx)
 
 
-def _leveled(vectors: np.ndarray, level: np.ndarray) -> np.ndarray:
+def _to_plane(vectors: np.ndarray, level: np.ndarray) -> np.ndarray:
     return (vectors @ level.T)[:, :2]
 
 
 def _contact_lines(points, normals, tangent, R, origin, feature, tip, own) -> tuple[np.ndarray, np.ndarray]:
-    """Both ends (N, 3) of the line in which the fingertips lie against the face, cut off where the face ends."""
+    """Both ends (N, 3) of the lines where the fingertips touch the face; lines end at the face's edge."""
     reach = np.einsum("nij,ni->nj", R, tangent) @ tip.T + np.einsum("ni,ni->n", origin - points, tangent)[:, None]
     high = np.where(feature, reach, -np.inf).max(axis=1)
     low = np.where(feature, reach, np.inf).min(axis=1)
@@ -343,7 +398,7 @@ def _contact_lines(points, normals, tangent, R, origin, feature, tip, own) -> tu
 
 
 def _shortened(ends: np.ndarray, edge: float, most: float) -> np.ndarray:
-    """Lines (N, 2, 2) without ``edge`` metres at each end, or the share ``most`` of their halves if that is less."""
+    """Lines (N, 2, 2) without ``edge`` metres at each end, or the share ``most`` of their halves if less."""
     middle = ends.mean(axis=1, keepdims=True)
     half = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2.0
     cut = edge / np.maximum(half, edge / most)
@@ -351,7 +406,7 @@ def _shortened(ends: np.ndarray, edge: float, most: float) -> np.ndarray:
 
 
 def _stays_upright(height, flat, footprint, middle, friction) -> np.ndarray:
-    """Whether (N,) the object pushed at ``height`` (N,) m slides rather than topples over its leading edge."""
+    """Whether (N,) the object slides rather than topples over its leading edge when pushed at ``height`` (N,) m."""
     corners = np.concatenate(footprint) - middle
     lead = (-flat @ corners.T).max(axis=1)
     return friction * height <= lead

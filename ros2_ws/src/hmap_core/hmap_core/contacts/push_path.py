@@ -1,15 +1,17 @@
-"""A path of an object on its support that is made of pushes: along the normals of its sides, straight or in arcs.
+"""Paths of an object on its support that consist of stable pushes: along the normals of its sides, straight or in arcs.
 
-Straight fingers on a side carry an object stably only within narrow bounds (Lynch & Mason, "Stable pushing", IJRR
-1996): straight on, or round a turn whose curvature goes with how far beside the middle they push. So a path that was
-found for the object alone can often not be pushed at all. Here it is replaced by legs that can. Each leg is a push on
-one side. A straight one is pushed at the middle of the side. An arc of curvature k needs the moment f k c^2 about the
-centre of friction, c the characteristic length of the limit surface, so it is pushed k c^2 beside the middle. How the
-weight rests on the support is never known, and c with it; so wide arcs, for which this matters little, are preferred.
+Straight fingers on a side push an object stably only within narrow limits (Lynch & Mason, "Stable pushing", IJRR
+1996): straight ahead, or in an arc with a curvature that is proportional to the distance of the push from the middle
+of the side. Pushes often cannot follow a path that was planned for the object alone. This module replaces such a path
+by a sequence of legs that pushes can follow. Each leg is a push on one side. A straight leg pushes at the middle of
+the side. An arc of curvature k needs the moment f k c^2 about the centre of friction, where c is the characteristic
+length of the limit surface, so its push is k c^2 beside the middle. The pressure distribution under the object, and so
+c, is never known exactly; wide arcs depend less on it and are preferred.
 
-Between two poses there is always such a way if nothing stands in it: an arc that turns, and two straight legs along
-sides that enclose the rest of the way. Which poses of the path are joined, and by which legs, is a shortest path, whose
-legs are checked only when they are on it (Bohlin & Kavraki, "Path planning using lazy PRM", ICRA 2000).
+Without obstacles, such a path exists between any two poses: an arc that rotates the object, and two straight legs
+along sides that enclose the remaining direction. A shortest-path search determines which poses of the given path are
+connected by which legs. It checks legs only if they are on the shortest path (Bohlin & Kavraki, "Path planning using
+lazy PRM", ICRA 2000).
 """
 
 import heapq
@@ -20,40 +22,41 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from hmap_core.contacts.facets import facets
-from hmap_core.contacts.push import FRICTION_SHARE, UPRIGHT, Slide
+from hmap_core.contacts.push import FRICTION_SHARE, UPRIGHT, SlidingBody
 from hmap_core.transforms import consistent, distance
 from hmap_core.types import Body
 from hmap_core.waypoints.checker import Geometry, ObjectChecker, planar_pose, planar_yaw
 from hmap_core.waypoints.problem import ObjectPathProblem
 from hmap_core.waypoints.resample import POSITION_STEP, resample
 
-SAME_CORNER = 1e-4  # m between corners of a footprint that are one
-SAME_NORMAL = float(np.cos(np.deg2rad(2.0)))  # of a face and of the edge of the footprint below it
-SAME_HEADING = 3  # digits of a rad
-FROM_END = 0.01  # m from the ends of a side, within which it is not pushed
-UNSURE = 0.01  # m by which the place to push for an arc may be uncertain without a price
-CURVATURES = (1.0, 3.0, 10.0)  # that are tried, in units of that for which it is
-UNSURE_COST = 1.0  # m of path that a turn by 1 rad costs at most for being uncertain
-SLANT_SHARE = 0.5  # of the friction cone that a straight leg may leave the normal by
-LEG_COST = 0.3  # m of path that a further leg is worth
-SHORT, SHORT_COST = 0.03, 0.3  # m; a leg shorter than that costs as much as so many metres more
-SIDE_VARIETY, WAY_VARIETY = 4.0, 1.5  # a side, or a way, costs up to so many times more where other ways are wanted
-KNOT_STEP = 0.08  # m between poses of the path that may be joined; a turn by 1 rad counts as the body's length
-MAX_KNOTS = 24  # poses that may be joined
-MAX_LEGS = 4000  # legs checked before there counts as being no way
-ARC_STEP = float(np.deg2rad(3.0))  # rad; arcs are checked and followed in chords
-LEVEL = 1e-3  # m that a path of an object that slides may rise
-NO_LEG = 1e-4  # m, shorter than any leg
-NO_TURN = 1e-3  # rad, less than any turn
+SAME_CORNER = 1e-4  # m; corners of a footprint that are nearer are the same
+SAME_NORMAL = float(np.cos(np.deg2rad(2.0)))  # between a face and the footprint's edge below it
+SAME_HEADING = 3  # digits of an angle in rad
+END_DISTANCE = 0.01  # m; no pushes this close to the ends of a side
+PUSH_POINT_TOLERANCE = 0.01  # m; uncertainty of an arc's push point that costs nothing
+CURVATURES = (1.0, 3.0, 10.0)  # curvatures that are tried, relative to the largest one within PUSH_POINT_TOLERANCE
+UNCERTAIN_TURN_COST = 1.0  # m of path; largest cost of the uncertainty per rad of rotation
+SLANT_SHARE = 0.5  # share of the friction cone by which a straight leg can deviate from the normal
+LEG_COST = 0.3  # m of path; cost of each leg
+SHORT, SHORT_COST = 0.03, 0.3  # m; legs shorter than the first number cost the second in addition
+# largest random cost factors of a side and of a connection, to find different paths
+SIDE_COST_FACTOR, CONNECTION_COST_FACTOR = 4.0, 1.5
+NODE_STEP = 0.08  # m between poses of the path that can be connected; a rotation by 1 rad counts as the body's radius
+MAX_NODES = 24  # largest number of poses that can be connected
+MAX_LEGS = 4000  # number of checked legs after which the search fails
+ARC_STEP = float(np.deg2rad(3.0))  # rad; arcs are checked and sampled as chords
+LEVEL = 1e-3  # m; largest height difference of a planar path
+MIN_LENGTH = 1e-4  # m; shorter legs are ignored
+MIN_TURN = 1e-3  # rad; smaller rotations are ignored
 
 
 @dataclass(frozen=True)
 class Side:
-    """A side of an object that can be pushed, in level axes fixed to it.
+    """A side of an object that can be pushed, in level axes fixed to the object.
 
     Attributes:
         heading: direction of the inward normal, rad.
-        curvature: (2,) the largest to the right (at most 0) and to the left (at least 0), 1/m.
+        curvature: (2,) largest curvatures to the right (at most 0) and to the left (at least 0), 1/m.
     """
 
     heading: float
@@ -62,9 +65,13 @@ class Side:
 
 @dataclass(frozen=True)
 class Leg:
-    """A push: the object's centre of friction goes ``length`` m from ``heading`` (rad, world) on, with a curvature.
+    """A push that moves the object's centre of friction along an arc.
 
-    ``side`` is the index of the side that is pushed.
+    Attributes:
+        side: index of the pushed side.
+        heading: direction of motion at the start, world frame, rad.
+        length: m.
+        curvature: 1/m.
     """
 
     side: int
@@ -74,19 +81,19 @@ class Leg:
 
     @property
     def turn(self) -> float:
-        """How far the object turns, rad."""
+        """Rotation of the object, rad."""
         return self.curvature * self.length
 
     def along(self, way: float) -> np.ndarray:
-        """Displacement (2,) in metres after ``way`` m."""
+        """Displacement (2,) in m after ``way`` m."""
         a, b = self.heading, self.heading + self.curvature * way
-        if abs(self.curvature * way) < NO_TURN:
+        if abs(self.curvature * way) < MIN_TURN:
             return way * np.array([np.cos(0.5 * (a + b)), np.sin(0.5 * (a + b))])
         return np.array([np.sin(b) - np.sin(a), np.cos(a) - np.cos(b)]) / self.curvature
 
 
-def sides(body: Body, slide: Slide) -> list[Side]:
-    """The sides of a body that slides: flat, upright, outermost, and in the way of its middle."""
+def sides(body: Body, slide: SlidingBody) -> list[Side]:
+    """The sides of a sliding body that can be pushed: flat, upright, outermost, in front of its middle."""
     corners = np.concatenate(slide.footprint) - slide.middle
     corners = corners[np.unique(np.round(corners / SAME_CORNER), axis=0, return_index=True)[1]]
     outline = corners[ConvexHull(corners).vertices]  # counter-clockwise
@@ -100,15 +107,24 @@ def sides(body: Body, slide: Slide) -> list[Side]:
             heading = float(np.arctan2(inward[1], inward[0]))
             found.setdefault(round(heading, SAME_HEADING), (heading, []))[1].extend([start @ along, end @ along])
     return [
-        Side(heading, ((min(beside) + FROM_END) / slide.length**2, (max(beside) - FROM_END) / slide.length**2))
+        Side(heading, ((min(beside) + END_DISTANCE) / slide.length**2, (max(beside) - END_DISTANCE) / slide.length**2))
         for heading, beside in sorted(found.values())
-        if min(beside) + FROM_END <= 0.0 <= max(beside) - FROM_END
+        if min(beside) + END_DISTANCE <= 0.0 <= max(beside) - END_DISTANCE
     ]
 
 
-def ways_in(body: Body, T: np.ndarray, steps: int) -> list[np.ndarray]:
-    """Poses (steps, 7) of the last centimetres of straight pushes to pose T (7,), one for each side of a body."""
-    slide = Slide(body, T)
+def final_pushes(body: Body, T: np.ndarray, steps: int) -> list[np.ndarray]:
+    """The last centimetres of straight pushes to a pose.
+
+    Args:
+        body: the object.
+        T: T_world_obj (7,) at the end.
+        steps: number of poses.
+
+    Returns:
+        Poses (steps, 7) for each side of the body.
+    """
+    slide = SlidingBody(body, T)
     found = []
     for side in sides(body, slide) if slide.footprint else []:
         poses = np.tile(np.asarray(T, float), (steps, 1))
@@ -119,34 +135,42 @@ def ways_in(body: Body, T: np.ndarray, steps: int) -> list[np.ndarray]:
 
 
 class PushPlanner:
-    """Ways of one object made of pushes, from the start of a problem to its goal."""
+    """Plans paths of one object that consist of pushes, from the start of a problem to its goal.
+
+    Args:
+        problem: the object and its obstacles; the motion is planar and no obstacle is removable.
+    """
 
     def __init__(self, problem: ObjectPathProblem):
         self.problem = replace(problem, motion="planar", removable=frozenset())
-        self.slide = Slide(problem.body, problem.start)
+        self.slide = SlidingBody(problem.body, problem.start)
         self.sides = sides(problem.body, self.slide) if self.slide.footprint else []
         self.slant = SLANT_SHARE * float(np.arctan(FRICTION_SHARE * problem.body.friction))
         self.checker = ObjectChecker(self.problem, Geometry(self.problem), True, problem.min_distance)
-        # the curvature, 1/m, up to which it hardly matters how the weight rests on the support
-        self._sure = UNSURE / abs(self.slide.rim_length**2 - self.slide.length**2) if self.sides else np.inf
+        # the curvature, 1/m, up to which the pressure distribution hardly matters
+        self._robust_curvature = (
+            PUSH_POINT_TOLERANCE / abs(self.slide.rim_length**2 - self.slide.length**2) if self.sides else np.inf
+        )
         self._legs_left = MAX_LEGS
 
     def path(self, poses: np.ndarray, rng: np.random.Generator | None) -> np.ndarray | None:
-        """Poses (K, 7) of a free path that can be pushed leg by leg, near the free planar path ``poses`` (M, 7).
+        """Plan a free path of pushes near a given planar path.
 
         Args:
-            poses: from the problem's start to its goal.
-            rng: prefers some sides at random, so that each call finds another way; None: the shortest.
+            poses: (M, 7) free path from the problem's start to its goal.
+            rng: increases the cost of some sides at random, so that each call finds another path; None: the shortest
+                path.
 
         Returns:
-            None where the path rises, the body does not stand on its support, has no flat sides, or no way was found.
+            Poses (K, 7). None if the given path rises, if the body does not stand on its support or has no flat sides,
+            or if no path was found.
         """
         if len(self.sides) < 3 or self.checker.support is None or np.ptp(poses[:, 2]) > LEVEL:
             return None
         self._legs_left = MAX_LEGS
-        price = np.ones(len(self.sides)) if rng is None else rng.uniform(1.0, SIDE_VARIETY, len(self.sides))
-        knots = self._knots(poses)
-        states = [self._state(T) for T in knots]
+        side_cost = np.ones(len(self.sides)) if rng is None else rng.uniform(1.0, SIDE_COST_FACTOR, len(self.sides))
+        nodes = self._nodes(poses)
+        states = [self._state(T) for T in nodes]
         order, queue, before = count(), [(0.0, 0, 0, -1, ())], {}
         while queue:
             cost, _, at, source, legs = heapq.heappop(queue)
@@ -156,28 +180,28 @@ class PushPlanner:
                 return None
             before[at] = source, legs
             if at == len(states) - 1:
-                return self._followed(poses[0], poses[-1], states, before)
+                return self._dense_path(poses[0], poses[-1], states, before)
             for to in range(at + 1, len(states)):
-                for way in self._ways(states[at], states[to]):
-                    more = sum(price[leg.side] * self._cost(leg) for leg in way)
-                    more *= 1.0 if rng is None else rng.uniform(1.0, WAY_VARIETY)
-                    heapq.heappush(queue, (cost + more, next(order), to, at, way))
+                for legs_to in self._connections(states[at], states[to]):
+                    more = sum(side_cost[leg.side] * self._cost(leg) for leg in legs_to)
+                    more *= 1.0 if rng is None else rng.uniform(1.0, CONNECTION_COST_FACTOR)
+                    heapq.heappush(queue, (cost + more, next(order), to, at, legs_to))
         return None
 
     def _cost(self, leg: Leg) -> float:
-        unsure = 1.0 - min(1.0, self._sure / abs(leg.curvature)) if leg.curvature else 0.0
+        uncertain = 1.0 - min(1.0, self._robust_curvature / abs(leg.curvature)) if leg.curvature else 0.0
         short = SHORT_COST if leg.length < SHORT else 0.0
-        return LEG_COST + short + leg.length + UNSURE_COST * abs(leg.turn) * unsure
+        return LEG_COST + short + leg.length + UNCERTAIN_TURN_COST * abs(leg.turn) * uncertain
 
-    def _knots(self, poses: np.ndarray) -> np.ndarray:
-        """Poses of a path that may be joined: evenly spread along it, both ends among them."""
+    def _nodes(self, poses: np.ndarray) -> np.ndarray:
+        """Poses of a path that can be connected: evenly distributed along it, including both ends."""
         steps = [d + self.checker.radius * angle for d, angle in map(distance, poses[:-1], poses[1:])]
         way = np.concatenate([[0.0], np.cumsum(steps)])
-        wanted = np.linspace(0.0, way[-1], int(np.clip(np.ceil(way[-1] / KNOT_STEP), 1, MAX_KNOTS - 1)) + 1)
-        return poses[np.unique(np.searchsorted(way, wanted - NO_LEG))]
+        wanted = np.linspace(0.0, way[-1], int(np.clip(np.ceil(way[-1] / NODE_STEP), 1, MAX_NODES - 1)) + 1)
+        return poses[np.unique(np.searchsorted(way, wanted - MIN_LENGTH))]
 
     def _state(self, T: np.ndarray) -> np.ndarray:
-        """x, y of the centre of friction and yaw (3,) of a pose."""
+        """x, y of the centre of friction and yaw (3,) at a pose (7,)."""
         yaw = planar_yaw(self.problem.start, T)
         return np.r_[T[:2] + _turned(self.slide.middle, yaw), yaw]
 
@@ -185,19 +209,19 @@ class PushPlanner:
         x, y = state[:2] - _turned(self.slide.middle, state[2])
         return planar_pose(self.problem.start, x, y, state[2])
 
-    def _ways(self, a: np.ndarray, b: np.ndarray) -> list[tuple[Leg, ...]]:
-        """Sequences of legs from a state (3,) to another, as if nothing stood around."""
+    def _connections(self, a: np.ndarray, b: np.ndarray) -> list[tuple[Leg, ...]]:
+        """Sequences of legs from one state (3,) to another, without regard to obstacles."""
         turn = _wrapped(b[2] - a[2])
-        if abs(turn) < NO_TURN:
+        if abs(turn) < MIN_TURN:
             return self._straight(b[:2] - a[:2], a[2])
         found = []
         for k, side in enumerate(self.sides):
             most = abs(side.curvature[int(turn > 0.0)])
-            for curvature in sorted({min(most, units * self._sure) for units in CURVATURES}):
-                if curvature < NO_TURN:
+            for curvature in sorted({min(most, units * self._robust_curvature) for units in CURVATURES}):
+                if curvature < MIN_TURN:
                     continue
                 curvature = np.copysign(curvature, turn)
-                # the straight legs come before the arc, or after it
+                # the straight legs are before or after the arc
                 for first in (True, False):
                     arc = Leg(k, side.heading + a[2], turn / curvature, curvature)
                     rest = b[:2] - a[:2] - arc.along(arc.length)
@@ -206,9 +230,9 @@ class PushPlanner:
         return found
 
     def _straight(self, way: np.ndarray, yaw: float) -> list[tuple[Leg, ...]]:
-        """One or two straight legs that sum up to ``way`` (2,), in both orders, of an object turned by ``yaw``."""
+        """One or two straight legs with the sum ``way`` (2,), in both orders, for an object with this yaw."""
         length = float(np.hypot(*way))
-        if length < NO_LEG:
+        if length < MIN_LENGTH:
             return [()]
         heading = float(np.arctan2(way[1], way[0]))
         off = np.array([_wrapped(side.heading + yaw - heading) for side in self.sides])
@@ -217,7 +241,7 @@ class PushPlanner:
             return [(Leg(nearest, heading, length),)]
         left, right = np.where(off > 0.0, off, np.inf), np.where(off < 0.0, -off, np.inf)
         i, j = int(left.argmin()), int(right.argmin())
-        if left[i] + right[j] >= np.pi - NO_TURN:
+        if left[i] + right[j] >= np.pi - MIN_TURN:
             return []
         share = length / np.sin(left[i] + right[j])
         one = Leg(i, heading + left[i], share * float(np.sin(right[j])))
@@ -225,7 +249,7 @@ class PushPlanner:
         return [(one, other), (other, one)]
 
     def _states(self, state: np.ndarray, leg: Leg) -> list[np.ndarray]:
-        """States along a leg that begins at a state, without that one."""
+        """States along a leg that starts at a state, without that state."""
         steps = max(1, int(np.ceil(abs(leg.turn) / ARC_STEP)))
         ways = leg.length * np.arange(1, steps + 1) / steps
         return [np.r_[state[:2] + leg.along(way), state[2] + leg.curvature * way] for way in ways]
@@ -242,8 +266,8 @@ class PushPlanner:
                 at = to
         return True
 
-    def _followed(self, first: np.ndarray, last: np.ndarray, states, before) -> np.ndarray:
-        """The dense poses of the legs that were found."""
+    def _dense_path(self, first: np.ndarray, last: np.ndarray, states, before) -> np.ndarray:
+        """The dense poses of the solution's legs."""
         sequence, at = [], len(states) - 1
         while at:
             at, legs = before[at]

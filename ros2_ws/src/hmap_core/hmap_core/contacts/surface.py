@@ -1,4 +1,4 @@
-"""Points spread evenly over the surface of a body."""
+"""Points that are uniformly distributed over a body's surface."""
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -24,7 +24,7 @@ def _box_patches(size: np.ndarray) -> list[tuple[float, str, tuple]]:
 
 
 def _patches(shape: Shape) -> list[tuple[float, str, tuple]]:
-    """Parts of a shape's surface as (area, kind, parameters)."""
+    """The parts of a shape's surface as (area, kind, parameters)."""
     size = np.asarray(shape.size, float)
     if shape.kind == ShapeKind.BOX:
         return _box_patches(size)
@@ -44,7 +44,7 @@ def _patches(shape: Shape) -> list[tuple[float, str, tuple]]:
 
 
 def _on_patch(size, kind: str, parameters: tuple, n: int, rng) -> tuple[np.ndarray, np.ndarray]:
-    """n points (n, 3) and outward normals (n, 3) on one patch, in the shape's frame (triangles: body frame)."""
+    """n points and outward normals (n, 3) on one patch, in the shape's frame (triangles: in the body's frame)."""
     if kind == "face":
         axis, sign = parameters
         points = (rng.random((n, 3)) - 0.5) * size
@@ -72,7 +72,16 @@ def _on_patch(size, kind: str, parameters: tuple, n: int, rng) -> tuple[np.ndarr
 
 
 def sample_surface(shapes: tuple[Shape, ...], n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """n points (n, 3) and outward unit normals (n, 3) in the body frame, uniform by area over all shapes' surfaces."""
+    """Sample points on a body's surface, uniformly by area over the surfaces of all its shapes.
+
+    Args:
+        shapes: the body's shapes.
+        n: number of points.
+        rng: the only source of randomness.
+
+    Returns:
+        Points (n, 3) in m and outward unit normals (n, 3), body frame.
+    """
     patches = [(shape, *patch) for shape in shapes for patch in _patches(shape)]
     area = np.array([p[1] for p in patches])
     counts = rng.multinomial(n, area / area.sum())

@@ -10,7 +10,7 @@ import numpy as np
 from hmap_core.contacts.camera import Cloud
 from hmap_core.contacts.grippable import grippable
 from hmap_core.contacts.hand import hand_of
-from hmap_core.contacts.push_path import PushPlanner, ways_in
+from hmap_core.contacts.push_path import PushPlanner, final_pushes
 from hmap_core.exceptions import Code, ContactError, HmapError, MotionError, PlannerError
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import preconditions
@@ -602,7 +602,7 @@ class Planner:
             return ways
         turns = [0.0, *self.rng.uniform(-np.pi, np.pi, REACH_TURNS)]
         for turn in turns:
-            ways += ways_in(self.scene.bodies[object], _about_vertical(last_poses[-1], turn), len(last_poses))
+            ways += final_pushes(self.scene.bodies[object], _about_vertical(last_poses[-1], turn), len(last_poses))
         return ways
 
     def _tool_reaches(self, scene: Scene, state: SceneState, object: str, poses: np.ndarray) -> bool:

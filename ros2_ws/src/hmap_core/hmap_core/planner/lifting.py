@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from hmap_core.contacts.feasibility import carried
-from hmap_core.contacts.hold import turning_share
-from hmap_core.contacts.push import Slide
+from hmap_core.contacts.grasp_torque import weight_torque_ratio
+from hmap_core.contacts.push import SlidingBody
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.planner.interfaces import RobotContact
 from hmap_core.transforms import multiply, pose, rotation_matrix
@@ -49,7 +49,7 @@ def lifted(
     ends = poses[:head], poses[::-1][:tail][::-1]
     if not (flies or any(drag_tips(body, own, end, pads) for end in ends)):
         return contact, poses
-    if turning_share(body, [own], gripper, rotation_matrix(poses[0])[2])[0] > turning:
+    if weight_torque_ratio(body, [own], gripper, rotation_matrix(poses[0])[2])[0] > turning:
         return contact, poses
     problem = ObjectPathProblem(body, poses[0], poses[-1], obstacles)
     checker = ObjectChecker(problem, Geometry(problem), False, DEFAULT_MIN_DISTANCE)
@@ -74,7 +74,7 @@ def drag_tips(body: Body, contact: ContactPoint, poses: np.ndarray, pads: float 
     """
     if len(poses) < 2:
         return False
-    slide = Slide(body, poses[0])
+    slide = SlidingBody(body, poses[0])
     if not slide.footprint:
         return False
     grip = slide.level @ multiply(contact.T_obj_ee, pose((0.0, 0.0, pads)))[:3]

@@ -12,8 +12,8 @@ from hmap_core.contacts.access import accessible
 from hmap_core.contacts.camera import Cloud, visible_points
 from hmap_core.contacts.candidates import Situation
 from hmap_core.contacts.feasibility import CHUNK, feasible_contacts, promising, reach_bounds, reachable
-from hmap_core.contacts.hand import fitting, hand_of, seated
-from hmap_core.contacts.hold import pad_balance, pushing_share, turning_share
+from hmap_core.contacts.grasp_torque import pad_balance, push_torque_ratio, weight_torque_ratio
+from hmap_core.contacts.hand import align_pads, drop_unfit_grasps, hand_of
 from hmap_core.contacts.proposer import NoProposer, Proposer
 from hmap_core.contacts.sampler import sample_contacts
 from hmap_core.contacts.solids import solids
@@ -347,7 +347,7 @@ class LocalBackend:
         gripper = scene.robots[robot].model.gripper
         if gripper is None or scene.mode == TaskMode.KINEMATIC:
             return list(contacts)
-        share = turning_share(scene.bodies[body], contacts, gripper, rotation_matrix(T_body)[2])
+        share = weight_torque_ratio(scene.bodies[body], contacts, gripper, rotation_matrix(T_body)[2])
         return [c for c, used in zip(contacts, share, strict=True) if used <= TURNING_SHARE]
 
     def _bound(self, scene: Scene, state: SceneState, object: str, object_poses, robot: str, rng) -> tuple[int, int]:
@@ -424,12 +424,12 @@ class LocalBackend:
             for batch in sample_contacts(body, points, hand, scene.mode, situation, rng, BATCH):
                 total += len(batch)
                 if hand.attached is not None and scene.mode == TaskMode.PHYSICAL:
-                    share = pushing_share(hand.attached, placed.model.gripper, body, batch)
+                    share = push_torque_ratio(hand.attached, placed.model.gripper, body, batch)
                     batch = [c for c, used in zip(batch, share, strict=True) if used <= TURNING_SHARE]
                 elif hand.gripper is not None:
                     even = pad_balance(body, batch, hand.gripper)
                     batch = [c for c, share in zip(batch, even, strict=True) if share >= PAD_BALANCE]
-                    batch = fitting(body, seated(batch, hand.gripper), placed)
+                    batch = drop_unfit_grasps(body, align_pads(batch, hand.gripper), placed)
                 yield batch
                 if total >= MAX_CANDIDATES:
                     break

@@ -1,7 +1,8 @@
-"""Whether a grasp keeps what it holds from turning in the hand: the friction of the pads against weight and pushing.
+"""Torque limits of grasps: the pads' friction against the torques of weight and pushing about the closing axis.
 
-Each pad resists a turn about the closing axis like a disc of radius r under the gripper's force F, by (2/3) mu F r
-(Coulomb friction under even pressure; as in Howe & Cutkosky, IJRR 1996); two pads do, with r the pads' half width.
+Each pad is modelled as a disc of radius r (half the pad's width) under the gripper's force F. It resists rotation
+about the closing axis with (2/3) mu F r (soft finger contact: Coulomb friction under uniform pressure; Howe &
+Cutkosky, IJRR 1996). Two pads resist with twice that.
 """
 
 from collections.abc import Sequence
@@ -16,14 +17,21 @@ from hmap_core.types import AttachedBody, Body, ContactKind, ContactPoint, Gripp
 from hmap_core.waypoints.support import centre_of_mass
 
 GRAVITY = 9.81  # m/s^2
-# steps in which the face under a pad is looked at, from its edge inwards
+# shares of a pad's half width at which the face below it is checked, from the edge inwards
 _STEPS = np.linspace(1.0, 0.0, 11)
 
 
-def turning_share(body: Body, contacts: Sequence[ContactPoint], gripper: Gripper, up: np.ndarray) -> np.ndarray:
-    """Share (K,) of the turning friction of each grasp that the body's weight uses up; above 1 it turns in the hand.
+def weight_torque_ratio(body: Body, contacts: Sequence[ContactPoint], gripper: Gripper, up: np.ndarray) -> np.ndarray:
+    """Ratio of the weight's torque about the closing axis to the torque that the pads' friction resists.
 
-    ``up`` (3,) is the vertical in the body's frame. Contacts that are no grasps use nothing.
+    Args:
+        body: the grasped body.
+        contacts: K contacts on it.
+        gripper: the gripper.
+        up: (3,) vertical direction in the body's frame.
+
+    Returns:
+        (K,) ratio; above 1 the body rotates in the gripper. 0 for contacts that are no grasps.
     """
     centre = centre_of_mass(body_set(body))
     capacity = 4.0 / 3.0 * body.friction * gripper.force * gripper.pad_half_width
@@ -35,10 +43,20 @@ def turning_share(body: Body, contacts: Sequence[ContactPoint], gripper: Gripper
     return np.where(grasps, np.abs(moment) / capacity, 0.0)
 
 
-def pushing_share(held: AttachedBody, gripper: Gripper, body: Body, contacts: Sequence[ContactPoint]) -> np.ndarray:
-    """The same (K,) where pushes of a held body against an object that slides on its support try to turn it.
+def push_torque_ratio(held: AttachedBody, gripper: Gripper, body: Body, contacts: Sequence[ContactPoint]) -> np.ndarray:
+    """Ratio of the pushing force's torque about the closing axis to the torque that the pads' friction resists.
 
-    The support resists with at most the object's friction coefficient times its weight, along the normal.
+    An attached body pushes an object that slides on its support. The support resists with at most the object's friction
+    coefficient times its weight, along the contact normal.
+
+    Args:
+        held: the attached body.
+        gripper: the gripper that grasps it.
+        body: the pushed object.
+        contacts: K contacts of the attached body on the object.
+
+    Returns:
+        (K,) ratio; above 1 the attached body rotates in the gripper.
     """
     capacity = 4.0 / 3.0 * held.friction * gripper.force * gripper.pad_half_width
     force = body.friction * body.mass * GRAVITY
@@ -53,7 +71,7 @@ def pushing_share(held: AttachedBody, gripper: Gripper, body: Body, contacts: Se
 def _closing(
     contacts: Sequence[ContactPoint], gripper: Gripper, openings: Sequence[float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where (K, 3) the pads are at openings (K,) in m, and their closing axes (K, 3), in the object's frame."""
+    """Positions (K, 3) of the pads at openings (K,) in m, and closing axes (K, 3), in the object's frame."""
     frames = np.array([c.T_obj_ee for c in contacts])
     R, origins = rotation_matrices(frames), frames[:, :3]
     if gripper.tips:
@@ -62,10 +80,17 @@ def _closing(
 
 
 def pad_balance(body: Body, contacts: Sequence[ContactPoint], gripper: Gripper) -> np.ndarray:
-    """How evenly (K,) each grasp's pads lie on the object: 1 when as much of it is on either side of the pad's middle.
+    """How evenly each grasp's pads cover the object on both sides of the pads' middle.
 
-    Grasps as sampled, see :func:`hmap_core.contacts.hand.seated`: their frames are in the middle between the pads.
-    0 when one side of the pad hangs over an edge. Contacts that are no grasps are even.
+    Args:
+        body: the object.
+        contacts: K contacts as sampled, before :func:`hmap_core.contacts.hand.align_pads`: the frames of grasps are in
+            the middle between the pads.
+        gripper: gives the pads' width.
+
+    Returns:
+        (K,) ratio of the smaller to the larger covered width: 1 with the same width on both sides, 0 if one side of the
+        pad is beyond an edge. 1 for contacts that are no grasps.
     """
     even = np.ones(len(contacts))
     own = [k for k, contact in enumerate(contacts) if contact.kind == ContactKind.GRASP]
