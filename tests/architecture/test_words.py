@@ -104,7 +104,6 @@ NOT_CONVERTED = {
     "ros2_ws/src/hmap_core/hmap_core/planner/interfaces.py",
     "ros2_ws/src/hmap_core/hmap_core/planner/lifting.py",
     "ros2_ws/src/hmap_core/hmap_core/planner/local.py",
-    "ros2_ws/src/hmap_core/hmap_core/planner/motion.py",
     "ros2_ws/src/hmap_core/hmap_core/planner/obstacle_removal.py",
     "ros2_ws/src/hmap_core/hmap_core/planner/place_tool.py",
     "ros2_ws/src/hmap_core/hmap_core/planner/placements.py",

@@ -17,7 +17,7 @@ from hmap_core.contacts.feasibility import MAX_SOLVED
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import LocalBackend, plan
-from hmap_core.planner.motion import attach_body
+from hmap_core.planner.segments import attach_body
 from hmap_core.scenes import load_scene
 from hmap_core.transforms import multiply, pose
 from hmap_core.types import BodyKind, ContactKind, ContactPoint

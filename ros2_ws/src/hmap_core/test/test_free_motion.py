@@ -7,7 +7,7 @@ from simulation_fixtures import HOME, box, scene
 from hmap_core.exceptions import Code, InputError, MotionError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.plan_file import to_dict
-from hmap_core.planner import motion, plan_motion
+from hmap_core.planner import plan_motion, segments
 from hmap_core.planner.assembly import assemble
 from hmap_core.transforms import distance, multiply, pose
 from hmap_core.types import BodyKind, Goal
@@ -119,7 +119,7 @@ def test_where_no_way_is_found_the_search_goes_on_until_the_time_is_up(walled, m
         tries.append(request)
         raise MotionError("no way")
 
-    monkeypatch.setattr(motion, "go", fails)
+    monkeypatch.setattr(segments, "go", fails)
     with pytest.raises(MotionError, match="no way") as error:
         plan_motion(walled, "left", q=HOME, time_limit=0.05)
     assert error.value.code == Code.NO_MOTION

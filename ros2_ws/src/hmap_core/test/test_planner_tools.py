@@ -10,7 +10,7 @@ from hmap_core.exceptions import HmapError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import plan
-from hmap_core.planner.motion import attach_body
+from hmap_core.planner.segments import attach_body
 from hmap_core.planner.tools import spread
 from hmap_core.scenes.portable import scene_from_text, scene_to_text
 from hmap_core.transforms import apply, multiply, pose

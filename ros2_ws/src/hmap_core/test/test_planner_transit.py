@@ -10,7 +10,7 @@ from hmap_core.komo.features import pose_params
 from hmap_core.komo.ik import solve_ik
 from hmap_core.komo.manipulation import Manipulation, Phase, bit
 from hmap_core.komo.path_collisions import path_violations
-from hmap_core.planner.motion import attach_body
+from hmap_core.planner.segments import attach_body
 from hmap_core.planner.transit_search import ROOMS, TransitSearch
 from hmap_core.transforms import pose
 from hmap_core.types import BodyKind, ContactKind, ContactPoint, TaskMode

@@ -1,12 +1,12 @@
-"""Segments put one after the other into a plan."""
+"""Sub-trajectories one after the other: joined to one, or to a plan."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from hmap_core.planner.interfaces import SubTrajectory
-from hmap_core.types import BodyKind, Plan, Scene, SceneState, Segment, Trajectory
+from hmap_core.types import BodyKind, Plan, Scene, SceneState, Trajectory
 
 
 def scene_at(scene: Scene, state: SceneState) -> Scene:
@@ -25,14 +25,17 @@ def state_after(state: SceneState, motion: SubTrajectory) -> SceneState:
     return after
 
 
-def assemble(
-    scene: Scene, state: SceneState, motions: Sequence[SubTrajectory], waypoints: np.ndarray, stats: dict
-) -> Plan:
-    """The plan that starts in ``state`` and goes through all motions; neighbours share a sample."""
-    movable = [name for name, body in scene.bodies.items() if body.kind != BodyKind.FIXED]
-    joints = {name: [q[None]] for name, q in state.q.items()}
-    gripper = {name: [np.array([opening])] for name, opening in state.gripper.items()}
-    objects = {name: [state.poses[name][None]] for name in movable}
+def joined(
+    state: SceneState, motions: Sequence[SubTrajectory], robots: Iterable[str], bodies: Iterable[str]
+) -> SubTrajectory:
+    """One sub-trajectory from several, one after the other from ``state``; neighbours share a sample.
+
+    Args:
+        robots, bodies: whose samples it has; what does not move in one of the sub-trajectories stays where it is.
+    """
+    joints = {name: [state.q[name][None]] for name in robots}
+    gripper = {name: [np.array([state.gripper[name]])] for name in robots}
+    objects = {name: [state.poses[name][None]] for name in bodies}
     time, segments = [np.zeros(1)], []
     for motion in motions:
         own = motion.trajectory
@@ -42,14 +45,20 @@ def assemble(
             for name, rows in parts.items():
                 rows.append(columns[name][1:] if name in columns else np.repeat(rows[-1][-1:], new, 0))
         time.append(start + own.time[1:])
-        segments += [
-            Segment(start + s.start, start + s.end, s.robot, s.manipulator, s.object, s.kind, s.contact_pose)
-            for s in motion.segments
-        ]
+        segments += [replace(s, start=start + s.start, end=start + s.end) for s in motion.segments]
     trajectory = Trajectory(
         np.concatenate(time),
         {name: np.concatenate(rows) for name, rows in joints.items()},
         {name: np.concatenate(rows) for name, rows in gripper.items()},
         {name: np.concatenate(rows) for name, rows in objects.items()},
     )
-    return Plan(scene, trajectory, tuple(segments), waypoints, stats)
+    return SubTrajectory(trajectory, tuple(segments))
+
+
+def assemble(
+    scene: Scene, state: SceneState, motions: Sequence[SubTrajectory], waypoints: np.ndarray, stats: dict
+) -> Plan:
+    """The plan that starts in ``state`` and goes through all motions."""
+    movable = [name for name, body in scene.bodies.items() if body.kind != BodyKind.FIXED]
+    whole = joined(state, motions, state.q, movable)
+    return Plan(scene, whole.trajectory, whole.segments, waypoints, stats)

@@ -9,7 +9,7 @@ from hmap_core.exceptions import Code, InputError, MotionError
 from hmap_core.komo.features import pose_params
 from hmap_core.komo.ik import solve_ik_batch
 from hmap_core.komo.manipulation import Manipulation, Phase
-from hmap_core.planner import motion
+from hmap_core.planner import segments
 from hmap_core.planner.interfaces import SubTrajectory
 from hmap_core.types import Scene, SceneState
 
@@ -63,7 +63,7 @@ def plan_motion(
         goals = [_check_configuration(scene, state, robot, np.array(q, float), "goal", Code.GOAL_IN_COLLISION)]
     for goal in cycle(goals):
         try:
-            return motion.go(scene, state, robot, goal, rng, deadline - time.monotonic())
+            return segments.go(scene, state, robot, goal, rng, deadline - time.monotonic())
         except MotionError:
             if time.monotonic() > deadline:
                 raise
@@ -82,7 +82,7 @@ def _check_configuration(
             raise InputError(f"{what} of '{robot}' has {joint} at {value:.4f}; allowed: {low:.4f} to {high:.4f}")
     there = state.copy()
     there.q[robot] = np.clip(q, *model.position_limits)
-    hit = motion.standing_collision(scene, there, robot)
+    hit = segments.standing_collision(scene, there, robot)
     if hit is not None:
         raise InputError(f"'{robot}' is {hit[1] * 1e3:.1f} mm inside at its {what}: {' and '.join(hit[0])}", code)
     return there.q[robot]

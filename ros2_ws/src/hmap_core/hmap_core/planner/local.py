@@ -21,7 +21,7 @@ from hmap_core.exceptions import Code, ContactError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.shapes import body_set, box_round
-from hmap_core.planner import motion
+from hmap_core.planner import segments
 from hmap_core.planner.interfaces import RobotContact, SubTrajectory, ToolGrasp
 from hmap_core.planner.lifting import lifted
 from hmap_core.planner.tools import attach_tool, spread, tools_of, within_reach
@@ -283,7 +283,7 @@ class LocalBackend:
             around = placed_bodies(scene, state, object)
             contact, object_poses = lifted(scene, state, object, contact, object_poses, around, TURNING_SHARE)
         rng = np.random.default_rng(seed)
-        return motion.solve_segment(scene, state, object, contact, object_poses, rng, time_limit)
+        return segments.solve_segment(scene, state, object, contact, object_poses, rng, time_limit)
 
     def tool_grasps(
         self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, seed: int, time_limit: float
@@ -372,14 +372,14 @@ class LocalBackend:
     ) -> SubTrajectory:
         """The motion in which a robot takes a tool. Raises MotionError."""
         rng = np.random.default_rng(seed)
-        return motion.pick(scene, state, grip.contact, grip.tool, rng, time_limit)
+        return segments.pick(scene, state, grip.contact, grip.tool, rng, time_limit)
 
     def place_tool(
         self, scene: Scene, state: SceneState, grip: ToolGrasp, seed: int, time_limit: float
     ) -> SubTrajectory:
         """The motion in which a robot puts a tool back where it took it. Raises MotionError."""
         rng = np.random.default_rng(seed)
-        return motion.place(scene, state, grip.contact, grip.tool, grip.T_place, rng, time_limit)
+        return segments.place(scene, state, grip.contact, grip.tool, grip.T_place, rng, time_limit)
 
     def _standing(self, body: Body, poses: np.ndarray, obstacles: Sequence[Body]) -> np.ndarray:
         """Where on its way (M, 7) a body stands by itself, (M,)."""

@@ -6,7 +6,7 @@ from hmap_core import transforms
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.planner.assembly import assemble, scene_at
 from hmap_core.planner.interfaces import RobotContact, ToolGrasp
-from hmap_core.planner.motion import place
+from hmap_core.planner.segments import place
 from hmap_core.trajectory.samples import index_at
 from hmap_core.types import ContactKind, ContactPoint, Plan, Scene, SceneState, Segment
 

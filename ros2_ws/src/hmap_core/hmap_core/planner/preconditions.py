@@ -7,7 +7,7 @@ from hmap_core.exceptions import Code, ContactError, InputError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.shapes import body_set
 from hmap_core.komo.surroundings import robot_set
-from hmap_core.planner.motion import standing_collision
+from hmap_core.planner.segments import standing_collision
 from hmap_core.planner.tools import extent
 from hmap_core.transforms import IDENTITY, apply
 from hmap_core.types import BodyKind, Goal, Scene, SceneState, TaskMode

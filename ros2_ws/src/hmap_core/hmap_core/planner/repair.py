@@ -18,7 +18,7 @@ import numpy as np
 from hmap_core import transforms
 from hmap_core.exceptions import Code, HmapError, MotionError, PlannerError
 from hmap_core.plan_file import to_dict
-from hmap_core.planner import motion
+from hmap_core.planner import segments
 from hmap_core.planner.algorithm import Planner, nearest_first
 from hmap_core.planner.assembly import assemble, scene_at, state_after
 from hmap_core.planner.attached_path import attached_paths
@@ -197,7 +197,7 @@ class Repair:
         away = away_from_home(self._scene, state, robot)
         contact = RobotContact(robot, contact_of(self._plan, kept), 0, q[None], away)
         try:
-            way = motion.come(self._scene, state, contact, kept.segment.object, self._rng(), self._time_left())
+            way = segments.come(self._scene, state, contact, kept.segment.object, self._rng(), self._time_left())
         except MotionError:
             return None
         arrived = state_after(state, way)

@@ -10,7 +10,7 @@ from hmap_core.execution.attached_tool import AttachedTool
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner.interfaces import RobotContact, ToolGrasp
-from hmap_core.planner.motion import attach_body
+from hmap_core.planner.segments import attach_body
 from hmap_core.transforms import apply, inverse, multiply, rotation_matrix
 from hmap_core.types import BodyKind, ContactKind, ContactPoint, Scene, SceneState
 

@@ -1,0 +1,101 @@
+"""Transit of a robot to a configuration, with its hand as it is, and what a robot stands in."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hmap_core.collision.scene_model import Collisions
+from hmap_core.exceptions import MotionError
+from hmap_core.kinematics.chain import Chain
+from hmap_core.komo.allowances import relaxed, verification
+from hmap_core.komo.features import joint_position
+from hmap_core.komo.manipulation import Manipulation
+from hmap_core.komo.objective import Objective, ObjectiveType
+from hmap_core.komo.options import SolverOptions
+from hmap_core.komo.path_collisions import path_violations
+from hmap_core.komo.transcription import KomoProblem
+from hmap_core.planner.interfaces import SubTrajectory
+from hmap_core.planner.segments.parts import at_rest
+from hmap_core.planner.segments.timing import timed_transit
+from hmap_core.planner.segments.verification import is_free
+from hmap_core.planner.transit_search import TransitSearch
+from hmap_core.types import Scene, SceneState
+
+JOINT_STEP = 0.2  # rad between two steps of a transit, about
+TRANSIT_STEPS = (8, 24)  # least and most
+SMOOTHNESS = 1.0 / 160.0  # weight of the squared accelerations, times the number of steps cubed
+STIFFNESS = 30.0  # first penalty of the constraints, as a multiple of that weight: first guesses are nearly feasible
+STANDING_DEPTH = 0.001  # m that a robot may stand inside of something when a plan begins
+
+
+def standing_collision(
+    scene: Scene, state: SceneState, robot: str, object: str | None = None
+) -> tuple[tuple[str, str], float] | None:
+    """What a robot stands in: the names of the two parts and how deep (m); None when it stands free.
+
+    Args:
+        object: that is to be handled; it is told apart from the bodies around.
+    """
+    manipulation = Manipulation(scene, state, robot, object)
+    collisions = manipulation.standing_collisions(None if object is None else state.poses[object])
+    cols = collisions.arrays()
+    cols = cols._replace(min_distance=np.full_like(cols.min_distance, -STANDING_DEPTH))
+    q = np.ascontiguousarray(state.q[robot])[None]
+    excess, pair = path_violations(q, np.ones(1, np.int64), manipulation.model.chain, cols, 0.0)
+    return None if pair[0] < 0 else (collisions.pair_name(int(pair[0])), float(excess[0]) + STANDING_DEPTH)
+
+
+def transit(
+    scene: Scene, state: SceneState, robot: str, object: str | None, q: np.ndarray, rng, deadline: float
+) -> SubTrajectory:
+    """A transit of a robot to the configuration q (n,), past an object that stands.
+
+    Raises:
+        MotionError: NO_MOTION.
+    """
+    manipulation = Manipulation(scene, state, robot, object)
+    collisions = manipulation.standing_collisions(None if object is None else state.poses[object])
+    chain, start = manipulation.model.chain, state.q[robot]
+    steps = transit_steps(start, q)
+    problem = KomoProblem(chain, (steps,), collisions, path_options(steps))
+    problem.add(Objective(joint_position(q), ObjectiveType.EQ, [steps - 1]))
+    result = problem.solve(start, straight(start, q, steps))
+    cols = _relaxed_at_ends(chain, problem.arrays(), start, q)
+    path = np.concatenate([start[None], result.path]) if result.feasible else None
+    if path is not None and not is_free(chain, verification(cols), path):
+        path = None
+    search = TransitSearch(manipulation, collisions, cols, start, q, 1)
+    if path is None or not search.has_room(path):
+        searched = _first_free(chain, verification(cols), search.ways(rng, deadline, path is None))
+        path = path if searched is None else searched
+        if path is None:
+            raise MotionError(f"robot '{robot}' finds no way to move on: {result.worst}")
+    return at_rest(scene, robot, timed_transit(scene, robot, path), state.gripper[robot])
+
+
+def _relaxed_at_ends(chain: Chain, cols: Collisions, start: np.ndarray, goal: np.ndarray) -> Collisions:
+    """The pairs with the minimum distances that start and goal (n,) have; at the goal nothing may overlap."""
+    at_start = relaxed(chain, cols, start, 1)
+    at_goal = relaxed(chain, at_start, goal, 1)
+    return at_goal._replace(min_distance=np.maximum(at_goal.min_distance, np.minimum(at_start.min_distance, 0.0)))
+
+
+def _first_free(chain: Chain, cols: Collisions, ways: Iterator[np.ndarray]) -> np.ndarray | None:
+    """The first of some ways (m, n) that is free as a spline."""
+    return next((way for way in ways if is_free(chain, cols, way)), None)
+
+
+def path_options(steps: int) -> SolverOptions:
+    """The solver's options for a path of so many steps."""
+    weight = SMOOTHNESS * steps**3
+    return SolverOptions(acceleration=weight, mu=max(SolverOptions.mu, STIFFNESS * weight), mu_max=1e8)
+
+
+def transit_steps(a: np.ndarray, b: np.ndarray) -> int:
+    """Steps of a transit from a to b (n,)."""
+    return int(np.clip(np.ceil(np.abs(b - a).max() / JOINT_STEP), *TRANSIT_STEPS))
+
+
+def straight(a: np.ndarray, b: np.ndarray, steps: int) -> np.ndarray:
+    """Configurations (steps, n) straight from a, without it, to b (n,)."""
+    return a + np.linspace(0.0, 1.0, steps + 1)[1:, None] * (b - a)
