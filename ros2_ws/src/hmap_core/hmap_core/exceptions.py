@@ -1,13 +1,14 @@
-"""One base for every error; each carries the stage it came from, a numbered code and a reason.
+"""The exceptions of hmap: one base class, and one subclass for each stage of planning and execution.
 
-The numbers are those of ``hmap_msgs/msg/ErrorCode``: an exception of the core becomes that number at the interface.
+Each exception carries the stage, a numbered code and a reason. The numbers are those of ``hmap_msgs/msg/ErrorCode``, so
+an exception of the core becomes an error code at the ROS interface.
 """
 
 from enum import IntEnum
 
 
 class Code(IntEnum):
-    """Numbered reasons. 0 is success; hundreds are the stage."""
+    """Numbered reasons of failure. 0 is success; the hundreds digit is the stage."""
 
     SUCCESS = 0
     # input
@@ -44,12 +45,16 @@ class Code(IntEnum):
 
 
 class HmapError(Exception):
-    """Base of every error of hmap.
+    """Base class of all exceptions of hmap.
+
+    Args:
+        reason: one sentence that names the object, its value and what is allowed.
+        code: number of the reason; the class's ``default_code`` if None.
 
     Attributes:
-        stage: where it arose: ``input``, ``waypoints``, ``contacts``, ``motion``, ``planner``, ``execution``.
+        stage: the stage that failed: ``input``, ``waypoints``, ``contacts``, ``motion``, ``planner`` or ``execution``.
         code: a :class:`Code`.
-        reason: one sentence that names the thing, its value and what is allowed.
+        reason: as given.
     """
 
     stage = "internal"
@@ -62,42 +67,42 @@ class HmapError(Exception):
 
 
 class InputError(HmapError):
-    """Something given by the user is wrong: scene file, task name, pose, parameter, plan file."""
+    """Invalid input: a scene file, task name, pose, parameter or plan file."""
 
     stage = "input"
     default_code = Code.INVALID_INPUT
 
 
 class WaypointError(HmapError):
-    """The object has no path of its own (Algorithm 2)."""
+    """No collision-free object path was found (Algorithm 2)."""
 
     stage = "waypoints"
     default_code = Code.NO_OBJECT_PATH
 
 
 class ContactError(HmapError):
-    """No robot finds a feasible contact (Algorithm 3)."""
+    """No robot has a feasible contact (Algorithm 3)."""
 
     stage = "contacts"
     default_code = Code.NO_CONTACT
 
 
 class MotionError(HmapError):
-    """No collision-free motion was found for a contact (KOMO)."""
+    """No collision-free robot motion was found for a contact (KOMO)."""
 
     stage = "motion"
     default_code = Code.NO_MOTION
 
 
 class PlannerError(HmapError):
-    """Algorithm 1 gave up: time limit, cancel, or a plan that the judge rejects."""
+    """Algorithm 1 stopped without a plan: time limit, cancellation, or a plan that the judge rejects."""
 
     stage = "planner"
     default_code = Code.TIME_LIMIT
 
 
 class ExecutionError(HmapError):
-    """The simulated or real robot did not do what the plan says."""
+    """The simulated or real robot deviated from the plan."""
 
     stage = "execution"
     default_code = Code.TRACKING_LOST

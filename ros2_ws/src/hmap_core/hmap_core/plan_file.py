@@ -1,4 +1,7 @@
-"""Plans as files: JSON that others can check without this code. ``docs/plan_file.md`` describes every field."""
+"""Plan files: JSON that other programs can read and check without this package.
+
+``docs/plan_file.md`` describes every field.
+"""
 
 import json
 import math
@@ -11,9 +14,9 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from hmap_core.exceptions import Code, InputError
-from hmap_core.scenes.arrays import DECIMALS, PoseVector, Vector, array_of, listed, poses_of
+from hmap_core.scenes.arrays import DECIMALS, PoseVector, Vector, array_of, poses_of, to_lists
 from hmap_core.scenes.json_schema import schema_folder, schema_text
-from hmap_core.scenes.portable import read_json, scene_of, scene_to_dict
+from hmap_core.scenes.portable import read_json, scene_from_data, scene_to_dict
 from hmap_core.scenes.scene_data import Data, SceneData, parse
 from hmap_core.types import BodyKind, Plan, Segment, SegmentKind, Trajectory
 
@@ -23,7 +26,7 @@ VERSION = 1
 
 
 class TrajectoryData(Data):
-    """Samples of everything that moves."""
+    """Samples of all robots and movable bodies, as in :class:`hmap_core.types.Trajectory`."""
 
     time: Vector
     joints: dict[str, array_of(None, None)]
@@ -46,7 +49,7 @@ class TrajectoryData(Data):
 
 
 class SegmentData(Data):
-    """A stretch of the plan in one contact mode."""
+    """An interval of the plan with one contact mode, as in :class:`hmap_core.types.Segment`."""
 
     start: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
     end: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
@@ -67,7 +70,7 @@ class SegmentData(Data):
 
 
 class PlanDocument(SceneData):
-    """A plan file."""
+    """A plan file, version 1."""
 
     format: Literal["hmap-plan"]
     version: Literal[1]
@@ -108,10 +111,16 @@ def _known(key: str, name: str, known: Any) -> None:
 
 
 def to_dict(plan: Plan) -> dict[str, Any]:
-    """The plan as a JSON value. Lengths, angles and times are rounded to 1e-9.
+    """Converts a plan to a JSON value. Lengths, angles and times are rounded to 1e-9.
+
+    Args:
+        plan: the plan.
+
+    Returns:
+        The document, as ``docs/plan_file.md`` describes it.
 
     Raises:
-        InputError: INVALID_PLAN_FILE when the plan holds NaN or infinity.
+        InputError: INVALID_PLAN_FILE if the plan contains NaN or infinity.
     """
     document = {"format": FORMAT, "version": VERSION} | scene_to_dict(plan.scene)
     document |= {
@@ -124,18 +133,21 @@ def to_dict(plan: Plan) -> dict[str, Any]:
 
 
 def from_dict(document: Any, source: str = "plan") -> Plan:
-    """The plan that a JSON value describes; equal, within rounding, to the one it was made from.
+    """Builds a plan from a JSON value; inverse of :func:`to_dict` up to rounding.
 
     Args:
-        document: as :func:`to_dict` makes it.
-        source: what errors call it, such as the name of its file.
+        document: as :func:`to_dict` returns it.
+        source: name of the document in error messages, such as its file name.
+
+    Returns:
+        The plan.
 
     Raises:
-        InputError: INVALID_PLAN_FILE; names the key, its value and what is allowed.
+        InputError: INVALID_PLAN_FILE; the reason names the key, its value and what is allowed.
     """
     data = parse(PlanDocument, document, source, Code.INVALID_PLAN_FILE)
     return Plan(
-        scene=scene_of(data, source, Code.INVALID_PLAN_FILE),
+        scene=scene_from_data(data, source, Code.INVALID_PLAN_FILE),
         trajectory=Trajectory(
             time=data.trajectory.time,
             joints=data.trajectory.joints,
@@ -149,27 +161,37 @@ def from_dict(document: Any, source: str = "plan") -> Plan:
 
 
 def save(plan: Plan, path: str | Path) -> None:
-    """Writes the plan; the file is complete or not there.
+    """Writes a plan file atomically: no other process sees an incomplete file.
+
+    Args:
+        plan: the plan.
+        path: the file, which is replaced if it exists.
 
     Raises:
-        InputError: INVALID_PLAN_FILE when it cannot be written or holds NaN.
+        InputError: INVALID_PLAN_FILE if the file cannot be written or the plan contains NaN or infinity.
     """
     path = Path(path)
     members = [f"{json.dumps(key)}: {json.dumps(value)}" for key, value in to_dict(plan).items()]
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        draft.write_text("{\n" + ",\n".join(members) + "\n}\n", encoding="utf-8")
-        draft.replace(path)
+        temporary.write_text("{\n" + ",\n".join(members) + "\n}\n", encoding="utf-8")
+        temporary.replace(path)
     except OSError as error:
-        draft.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise InputError(f"{path}: cannot be written: {error}", Code.INVALID_PLAN_FILE) from error
 
 
 def load(path: str | Path) -> Plan:
     """Reads a plan file.
 
+    Args:
+        path: the file.
+
+    Returns:
+        The plan.
+
     Raises:
-        InputError: INVALID_PLAN_FILE.
+        InputError: INVALID_PLAN_FILE if the file cannot be read or is not a valid plan file.
     """
     try:
         text = Path(path).read_text(encoding="utf-8")
@@ -188,12 +210,20 @@ def _trajectory_dict(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def _finite(array: np.ndarray, key: str) -> list:
-    """An array as rounded lists; refused, with the place, when it holds NaN or infinity."""
+    """Converts an array to nested lists of rounded numbers.
+
+    Args:
+        array: the numbers.
+        key: name of the array in error messages.
+
+    Raises:
+        InputError: the array contains NaN or infinity; the reason names the index.
+    """
     wrong = np.argwhere(~np.isfinite(array))
     if len(wrong):
         place = "".join(f"[{i}]" for i in wrong[0])
         raise InputError(f"{key}{place} = {array[tuple(wrong[0])]}: must be finite", Code.INVALID_PLAN_FILE)
-    return listed(array)
+    return to_lists(array)
 
 
 def _segment_dict(segment: Segment) -> dict[str, Any]:
@@ -204,12 +234,12 @@ def _segment_dict(segment: Segment) -> dict[str, Any]:
         "manipulator": segment.manipulator,
         "object": segment.object,
         "kind": segment.kind.value,
-        "contact_pose": None if segment.contact_pose is None else listed(segment.contact_pose),
+        "contact_pose": None if segment.contact_pose is None else to_lists(segment.contact_pose),
     }
 
 
 def _jsonable(value: Any) -> Any:
-    """Statistics, which may hold NumPy values, as JSON; what is not finite as null."""
+    """Converts statistics, which may contain NumPy values, to JSON; numbers that are not finite become null."""
     if isinstance(value, dict):
         return {str(key): _jsonable(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
@@ -235,7 +265,7 @@ def _check_finite(value: Any, key: str) -> None:
 
 
 def json_schema() -> str:
-    """The JSON Schema of plan files; ``python -m hmap_core.plan_file`` writes the committed one anew."""
+    """The JSON Schema of plan files. ``python -m hmap_core.plan_file`` writes it into ``hmap_scenes``."""
     return schema_text("plan", PlanDocument)
 
 

@@ -2,6 +2,7 @@
 
 A pose is a float array (7,): position x, y, z in metres, then a unit quaternion x, y, z, w (xyzw, as in ROS,
 PyBullet and SciPy). ``T_a_b`` is the pose of frame b expressed in frame a, so ``multiply(T_a_b, T_b_c)`` is ``T_a_c``.
+Diebel, "Representing attitude", 2006, derives the quaternion formulas; it writes the scalar first.
 """
 
 import math
@@ -15,13 +16,29 @@ IDENTITY.setflags(write=False)
 
 
 def pose(position=(0.0, 0.0, 0.0), quaternion=(0.0, 0.0, 0.0, 1.0)) -> np.ndarray:
-    """Pose (7,) of a position (3,) in metres and a quaternion (4,) xyzw, which is normalised."""
+    """Builds a pose; the quaternion is normalised.
+
+    Args:
+        position: (3,) in metres.
+        quaternion: (4,) xyzw, not zero.
+
+    Returns:
+        The pose (7,).
+    """
     q = np.asarray(quaternion, float)
     return np.concatenate([np.asarray(position, float), q / np.linalg.norm(q)])
 
 
 def from_rpy(position, rpy) -> np.ndarray:
-    """Pose (7,) of a position (3,) and fixed-axis roll, pitch, yaw (3,) in radians (the URDF convention)."""
+    """Builds a pose from fixed-axis roll, pitch, yaw (the URDF convention).
+
+    Args:
+        position: (3,) in metres.
+        rpy: (3,) in radians.
+
+    Returns:
+        The pose (7,).
+    """
     return np.concatenate([np.asarray(position, float), Rotation.from_euler("xyz", rpy).as_quat()])
 
 
@@ -39,12 +56,12 @@ def to_matrix(T: np.ndarray) -> np.ndarray:
 
 
 def _numbers(array: np.ndarray) -> list[float]:
-    """Python's floats, whose arithmetic is several times faster than that of numpy's scalars."""
+    """Converts an array to Python floats, whose arithmetic is several times faster than that of NumPy scalars."""
     return np.asarray(array, float).tolist()
 
 
 def _rotated(q: Sequence, v: Sequence) -> tuple:
-    """The vector v turned by the unit quaternion q xyzw, of numbers or of arrays."""
+    """Rotates the vector v by the unit quaternion q (xyzw). The components are numbers or arrays."""
     x, y, z, w = q
     a, b, c = v
     tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
@@ -69,8 +86,9 @@ def rotation_matrices(T: np.ndarray) -> np.ndarray:
 def quaternions(R: np.ndarray) -> np.ndarray:
     """Unit quaternions (M, 4) xyzw of rotation matrices (M, 3, 3).
 
-    The products 4 q q^T are linear in the matrix (Shepperd, "Quaternion from rotation matrix", 1978); of its rows,
-    which are all multiples of q, the one with the largest diagonal element is taken.
+    The entries of 4 q q^T are linear in the matrix (Shepperd, "Quaternion from rotation matrix", 1978). Every row of
+    that product is a multiple of q; the row with the largest diagonal entry is normalised, which is the best
+    conditioned one.
     """
     products = np.empty((len(R), 4, 4))
     diagonal = R[:, [0, 1, 2], [0, 1, 2]]
@@ -86,7 +104,7 @@ def quaternions(R: np.ndarray) -> np.ndarray:
 
 
 def rotation_numbers(T: np.ndarray) -> tuple[float, ...]:
-    """The nine numbers of a pose's rotation matrix, row by row."""
+    """The nine entries of the rotation matrix of a pose (7,), row by row."""
     x, y, z, w = _numbers(T)[3:]
     return (
         1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w),
@@ -96,12 +114,12 @@ def rotation_numbers(T: np.ndarray) -> tuple[float, ...]:
 
 
 def quaternion_multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Hamilton product (4,) of two quaternions xyzw."""
+    """Hamilton product (4,) of two quaternions (4,) xyzw."""
     return np.array(_product(_numbers(a), _numbers(b)))
 
 
 def _product(a: Sequence, b: Sequence) -> tuple:
-    """Hamilton product of quaternions of numbers or of arrays."""
+    """Hamilton product of two quaternions xyzw. The components are numbers or arrays."""
     ax, ay, az, aw = a
     bx, by, bz, bw = b
     return (
@@ -113,7 +131,15 @@ def _product(a: Sequence, b: Sequence) -> tuple:
 
 
 def multiply(T_a_b: np.ndarray, T_b_c: np.ndarray) -> np.ndarray:
-    """``T_a_c`` (7,) from ``T_a_b`` and ``T_b_c``."""
+    """Composes two poses.
+
+    Args:
+        T_a_b: (7,).
+        T_b_c: (7,).
+
+    Returns:
+        ``T_a_c`` (7,), with a normalised quaternion.
+    """
     a, b = _numbers(T_a_b), _numbers(T_b_c)
     x, y, z, w = _product(a[3:], b[3:])
     length = math.sqrt(x * x + y * y + z * z + w * w)
@@ -122,7 +148,15 @@ def multiply(T_a_b: np.ndarray, T_b_c: np.ndarray) -> np.ndarray:
 
 
 def multiply_all(T_a_b: np.ndarray, T_b_c: np.ndarray) -> np.ndarray:
-    """``T_a_c`` (M, 7) of poses (M, 7) or (7,) each."""
+    """Composes M pairs of poses at once.
+
+    Args:
+        T_a_b: (M, 7), or one pose (7,) for all.
+        T_b_c: (M, 7), or one pose (7,) for all.
+
+    Returns:
+        ``T_a_c`` (M, 7), with normalised quaternions.
+    """
     A, B = np.atleast_2d(T_a_b).T, np.atleast_2d(T_b_c).T
     q = np.array(np.broadcast_arrays(*_product(A[3:], B[3:])))
     p = np.array(np.broadcast_arrays(*_rotated(A[3:], B[:3]))) + A[:3]
@@ -130,7 +164,7 @@ def multiply_all(T_a_b: np.ndarray, T_b_c: np.ndarray) -> np.ndarray:
 
 
 def inverse(T_a_b: np.ndarray) -> np.ndarray:
-    """``T_b_a`` (7,)."""
+    """Inverse ``T_b_a`` (7,) of a pose ``T_a_b`` (7,)."""
     a = _numbers(T_a_b)
     back = -a[3], -a[4], -a[5], a[6]
     x, y, z = _rotated(back, a[:3])
@@ -138,27 +172,55 @@ def inverse(T_a_b: np.ndarray) -> np.ndarray:
 
 
 def apply(T_a_b: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Points (..., 3) given in frame b, expressed in frame a."""
+    """Transforms points from frame b to frame a.
+
+    Args:
+        T_a_b: (7,).
+        points: (..., 3) in metres, frame b.
+
+    Returns:
+        The points (..., 3) in frame a.
+    """
     return np.asarray(points) @ rotation_matrix(T_a_b).T + T_a_b[:3]
 
 
 def distance(T_a: np.ndarray, T_b: np.ndarray) -> tuple[float, float]:
-    """Distance in metres and rotation angle in radians, in [0, pi], between two poses (7,)."""
-    # atan2 of the relative quaternion: exact near zero, where arccos of the dot product loses half its digits
+    """Distance between two poses (7,).
+
+    Returns:
+        The distance of the positions in metres and the rotation angle in radians, in [0, pi].
+    """
+    # atan2 of the relative quaternion is exact near zero; arccos of the dot product loses half its digits there
     q = quaternion_multiply(T_a[3:] * [-1.0, -1.0, -1.0, 1.0], T_b[3:])
     angle = 2.0 * np.arctan2(np.linalg.norm(q[:3]), abs(q[3]))
     return float(np.linalg.norm(T_a[:3] - T_b[:3])), float(angle)
 
 
 def consistent(poses: np.ndarray) -> np.ndarray:
-    """The same poses (M, 7) with quaternions that never turn round between neighbours."""
+    """Flips quaternion signs so that adjacent quaternions are in the same hemisphere; the poses stay the same.
+
+    Args:
+        poses: (M, 7).
+
+    Returns:
+        (M, 7).
+    """
     turns = np.einsum("ij,ij->i", poses[1:, 3:], poses[:-1, 3:]) < 0.0
     sign = np.where(np.cumsum([False, *turns]) % 2, -1.0, 1.0)
     return np.concatenate([poses[:, :3], poses[:, 3:] * sign[:, None]], axis=1)
 
 
 def interpolate(T_a: np.ndarray, T_b: np.ndarray, s) -> np.ndarray:
-    """Poses (..., 7) between ``T_a`` (s = 0) and ``T_b`` (s = 1): straight in position, shortest arc in rotation."""
+    """Interpolates between two poses: linear in position, spherical linear (Shoemake 1985) in rotation.
+
+    Args:
+        T_a: (7,) pose at s = 0.
+        T_b: (7,) pose at s = 1.
+        s: (...) fractions in [0, 1].
+
+    Returns:
+        The poses (..., 7).
+    """
     s = np.asarray(s, float)
     rotations = Slerp([0.0, 1.0], Rotation.from_quat([T_a[3:], T_b[3:]]))(s.reshape(-1)).as_quat()
     positions = T_a[:3] + s.reshape(-1, 1) * (T_b[:3] - T_a[:3])

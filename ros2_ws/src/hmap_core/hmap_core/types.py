@@ -1,4 +1,4 @@
-"""The data that the parts of hmap pass to each other: SI units, world frame, poses as in transforms.py."""
+"""The data types that the modules of hmap exchange: SI units, world frame, poses as in :mod:`hmap_core.transforms`."""
 
 from bisect import bisect_left
 from collections.abc import Sequence
@@ -11,13 +11,13 @@ import numpy as np
 
 from hmap_core.transforms import IDENTITY
 
-# m, rad: how far off its goal an object may be after execution
-EXECUTED_WITHIN = (0.02, float(np.deg2rad(10.0)))
-GRIPPER_SPEED = 0.1  # m/s of an opening, where nothing else is said
+# m, rad: default distance of an object from its goal pose that counts as reached after execution
+DEFAULT_EXECUTION_TOLERANCE = (0.02, float(np.deg2rad(10.0)))
+GRIPPER_SPEED = 0.1  # m/s, default rate of change of the opening
 
 
 class ShapeKind(StrEnum):
-    """Kinds of convex primitive; a mesh is taken as its convex hull (concave ones are listed as several shapes)."""
+    """Kinds of convex shape. A mesh stands for its convex hull; a concave body consists of several shapes."""
 
     BOX = "box"  # size: full extents x, y, z
     CYLINDER = "cylinder"  # size: radius, height; axis z
@@ -28,27 +28,27 @@ class ShapeKind(StrEnum):
 
 @dataclass(frozen=True)
 class Shape:
-    """A convex shape of a body."""
+    """A convex shape of a body, with its pose ``T_body_shape`` (7,) and, for a mesh, its file."""
 
     kind: ShapeKind
     size: tuple[float, ...]
     pose: np.ndarray = field(default_factory=lambda: IDENTITY)  # T_body_shape (7,)
-    mesh: Path | None = None
+    mesh: Path | None = None  # file of a mesh; None for the other kinds
 
 
 class BodyKind(StrEnum):
-    """What may happen to a body."""
+    """Whether a body may move, and whether it may serve as a manipulator."""
 
     FIXED = "fixed"  # never moves
     MOVABLE = "movable"  # may be moved by contact
-    TOOL = "tool"  # movable, and may be held and used as a manipulator
+    TOOL = "tool"  # movable; may be attached to a robot and used as a manipulator
 
 
 class TaskMode(StrEnum):
-    """What a contact may do.
+    """Contact model of a task.
 
     KINEMATIC: a touching fingertip carries the object in any direction (the paper's stable constraint).
-    PHYSICAL: only what friction, closing width and geometry allow; plans are executed under dynamics.
+    PHYSICAL: friction, gripper opening and geometry limit what a contact can do; plans are executed under dynamics.
     """
 
     KINEMATIC = "kinematic"
@@ -72,23 +72,24 @@ class Body:
 
 @dataclass(frozen=True)
 class Gripper:
-    """A gripper of two fingers; ``opening`` is the gap between the finger pads in metres, as in GripperCommand.
+    """A two-finger gripper. Its ``opening`` is the gap between the finger pads in metres, as in GripperCommand.
 
-    Joint i is at ``at_zero[i] + travel * per_joint[i]``. Where fingers slide, travel is the opening. Where they turn,
-    it goes from 0, closed, to 1, open; ``openings`` are the gaps on the way, and it is linear between them.
+    Joint i has the value ``at_zero[i] + travel * per_joint[i]``. For sliding fingers, travel is the opening. For
+    rotating fingers, travel runs from 0 (closed) to 1 (open); ``openings`` tabulates the gap over travel, linearly
+    interpolated.
 
     Attributes:
-        joint_names: the k joints that are driven; others may follow them by their ``mimic`` in the URDF.
-        per_joint, at_zero: one number for each joint, or one for all.
-        finger_links: the links that touch.
-        min_opening, max_opening: m, usable for grasping.
-        open_opening: m, commanded when opened fully.
+        joint_names: the k driven joints; further joints may follow them by ``mimic`` elements of the URDF.
+        per_joint, at_zero: one number for each joint, or one for all; rad or m.
+        finger_links: the links that touch objects.
+        min_opening, max_opening: m, usable range for grasping.
+        open_opening: m, commanded to open fully.
         tip_offset: m, from the end-effector frame to the end of the closed fingers, along the approach axis.
         pad_half_width: m, half extent of a pad across the closing and approach axes.
-        force: N, when grasping.
-        openings: (M,) m, increasing, at travels spaced evenly from 0 to 1; empty where travel is the opening.
-        tips: (M,) m, how far the fingers reach farther along the approach than closed; empty where they never do.
-        speed: m/s that the opening changes by at most.
+        force: N, closing force of a grasp.
+        openings: (M,) m, increasing, at travels spaced evenly from 0 to 1; empty if travel is the opening.
+        tips: (M,) m, extra length of the fingers along the approach axis compared to closed; empty if it is zero.
+        speed: m/s, largest rate of change of the opening.
     """
 
     joint_names: tuple[str, ...]
@@ -106,18 +107,25 @@ class Gripper:
     speed: float = GRIPPER_SPEED
 
     def joints(self, opening: float) -> tuple[float, ...]:
-        """Where the driven joints (k,) are at an opening (m)."""
+        """Values (k,) of the driven joints (rad or m) at an opening in metres."""
         travel = float(np.interp(opening, self.openings, self._travels)) if self.openings else opening
         return tuple(start + travel * slope for start, slope in self._each)
 
     def opening_at(self, joints: Sequence[float]) -> float:
-        """The opening (m) with the driven joints at (k,)."""
+        """Opening in metres at values (k,) of the driven joints (rad or m)."""
         shares = [(joint - start) / slope for joint, (start, slope) in zip(joints, self._each, strict=True)]
         travel = sum(shares) / len(shares)
         return float(np.interp(travel, self._travels, self.openings)) if self.openings else float(travel)
 
     def joints_per_opening(self, opening: float) -> tuple[float, ...]:
-        """How much the driven joints (k,) move for each metre of opening, about an opening (m)."""
+        """Derivative of the driven joints with respect to the opening.
+
+        Args:
+            opening: m, where the derivative is evaluated.
+
+        Returns:
+            (k,) rad or m of joint motion per metre of opening.
+        """
         travel = 1.0
         if self.openings:
             step = min(max(bisect_left(self.openings, opening), 1), len(self.openings) - 1)
@@ -125,12 +133,12 @@ class Gripper:
         return tuple(travel * slope for _, slope in self._each)
 
     def reach_at(self, opening: float) -> float:
-        """How much farther along the approach the fingers reach at an opening (m) than closed, m."""
+        """Extra length in metres of the fingers along the approach axis at an opening (m), compared to closed."""
         return float(np.interp(opening, self.openings, self.tips)) if self.tips else 0.0
 
     @cached_property
     def _each(self) -> tuple[tuple[float, float], ...]:
-        """Of each joint: ``at_zero`` and ``per_joint``."""
+        """``at_zero`` and ``per_joint`` of each joint."""
         k = len(self.joint_names)
         starts, slopes = (np.broadcast_to(values, k).tolist() for values in (self.at_zero, self.per_joint))
         return tuple(zip(starts, slopes, strict=True))
@@ -142,14 +150,17 @@ class Gripper:
 
 @dataclass(frozen=True)
 class AttachedBody:
-    """A body that a robot holds and works with, as if it were part of the hand.
+    """A body that is attached to a robot's end effector and moves with it, such as a tool in use.
+
+    Compare ``moveit_msgs/AttachedCollisionObject``.
 
     Attributes:
-        shapes: in the body's frame.
-        T_ee_body: (7,) where it is in the hand.
-        opening: of the gripper that holds it, m.
+        name: of the body.
+        shapes: its shapes, in the body frame.
+        T_ee_body: (7,) pose of the body in the end-effector frame.
+        opening: m, gripper opening while it is attached.
         friction: its lateral Coulomb coefficient.
-        up: (3,) what was up, in the body's frame, when it stood.
+        up: (3,) vertical unit vector, in the body frame, at the pose in which the body was picked.
     """
 
     name: str
@@ -162,15 +173,15 @@ class AttachedBody:
 
 @dataclass(frozen=True)
 class RobotModel:
-    """A serial arm: a URDF and what a URDF does not say.
+    """A serial arm: its URDF and the properties that a URDF lacks.
 
     The end-effector frame has its z axis along the approach direction and its y axis along the closing direction of the
     gripper; its origin lies midway between the finger pads (or at the tip of an arm without gripper).
     """
 
     name: str
-    urdf: Path  # where the file is on this machine
-    urdf_uri: str  # the same, portable: "pybullet_data://franka_panda/panda.urdf" or "hmap_scenes://robots/x.urdf"
+    urdf: Path  # path of the file on this machine
+    urdf_uri: str  # portable URI of it: "pybullet_data://franka_panda/panda.urdf" or "hmap_scenes://robots/x.urdf"
     joint_names: tuple[str, ...]  # the n arm joints, base to tip
     end_effector_link: str
     T_link_ee: np.ndarray  # (7,)
@@ -181,12 +192,12 @@ class RobotModel:
     gripper: Gripper | None
     ignored_collisions: tuple[tuple[str, str], ...]  # pairs of link names
     simulation: dict = field(default_factory=dict)  # gains and forces for the simulated controller
-    attached: AttachedBody | None = None  # what the hand holds to work with; it then cannot grip
+    attached: AttachedBody | None = None  # the attached tool, which occupies the gripper
 
 
 @dataclass(frozen=True)
 class Robot:
-    """An arm placed in the scene."""
+    """A robot model at a pose in the scene."""
 
     name: str
     model: RobotModel
@@ -196,7 +207,7 @@ class Robot:
 
 @dataclass(frozen=True)
 class Goal:
-    """Where an object has to end, and how exactly."""
+    """Goal pose of an object, with tolerances."""
 
     object: str
     pose: np.ndarray  # T_world_obj (7,)
@@ -206,7 +217,7 @@ class Goal:
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera; its frame is the optical one (x right, y down, z forward)."""
+    """A pinhole camera. Its frame is the optical frame (x right, y down, z forward)."""
 
     name: str
     pose: np.ndarray  # T_world_optical (7,)
@@ -217,7 +228,21 @@ class Camera:
 
 @dataclass(frozen=True)
 class Scene:
-    """A task after randomisation: everything the planner, the judge and the simulator start from."""
+    """A task after randomisation: the common input of the planner, the judge and the simulation.
+
+    Attributes:
+        task: name of the task.
+        seed: seed of the randomisation.
+        mode: contact model.
+        bodies, robots, cameras: by name.
+        goal: the object to move and its goal pose.
+        motion: freedom of the goal's object: ``planar`` (SE(2) on its support), ``spatial`` (SE(3)), or ``auto``
+            (decided from start and goal).
+        removable: movable bodies that the planner may move out of the way, each with its removal pose ``T_world_body``
+            (7,), or None if the planner chooses the pose.
+        execution_tolerance: m and rad, distance of the object from its goal that counts as reached after execution; by
+            default DEFAULT_EXECUTION_TOLERANCE, or the goal's tolerance if larger.
+    """
 
     task: str
     seed: int
@@ -226,18 +251,16 @@ class Scene:
     robots: dict[str, Robot]
     cameras: dict[str, Camera]
     goal: Goal
-    # SE(2) on its support ("planar"), SE(3) ("spatial"), or decided from start and goal ("auto")
     motion: str = "auto"
-    # movable bodies the planner may put out of the way, with a removal pose where one is given
     removable: dict[str, np.ndarray | None] = field(default_factory=dict)
-    execution_tolerance: tuple[float, float] = EXECUTED_WITHIN
+    execution_tolerance: tuple[float, float] = DEFAULT_EXECUTION_TOLERANCE
 
     def with_goal(self, goal: Goal) -> "Scene":
-        """The same scene with another goal."""
+        """A copy of the scene with another goal."""
         return replace(self, goal=goal)
 
     def start_state(self) -> "SceneState":
-        """The state the scene starts in, grippers fully open (closed where there is none)."""
+        """The start state: robots at their start configurations, grippers fully open (0 for robots without gripper)."""
         return SceneState(
             q={name: robot.q.copy() for name, robot in self.robots.items()},
             gripper={n: r.model.gripper.open_opening if r.model.gripper else 0.0 for n, r in self.robots.items()},
@@ -247,44 +270,44 @@ class Scene:
 
 @dataclass
 class SceneState:
-    """Where everything is at one instant (the paper's configuration X)."""
+    """Robot configurations, gripper openings and body poses at one instant (the paper's configuration X)."""
 
     q: dict[str, np.ndarray]  # robot -> (n,)
     gripper: dict[str, float]  # robot -> opening in metres
     poses: dict[str, np.ndarray]  # body -> T_world_body (7,)
 
     def copy(self) -> "SceneState":
-        """The same state with arrays of its own."""
+        """A deep copy of the state."""
         return SceneState(
             {k: v.copy() for k, v in self.q.items()}, dict(self.gripper), {k: v.copy() for k, v in self.poses.items()}
         )
 
 
 class ContactKind(StrEnum):
-    """How a manipulator carries an object."""
+    """How a manipulator moves an object."""
 
-    TOUCH = "touch"  # kinematic: a fingertip on the surface carries the object
+    TOUCH = "touch"  # kinematic mode: a fingertip on the surface carries the object
     GRASP = "grasp"  # two fingers close on opposite faces
-    PUSH = "push"  # closed fingers push a face, sticking
+    PUSH = "push"  # closed fingers push a face with sticking contact
 
 
 @dataclass(frozen=True)
 class ContactPoint:
-    """A 6-D contact: the manipulator frame expressed in the object frame while they touch (the paper's C)."""
+    """A 6-D contact: the pose of the manipulator frame in the object frame during contact (the paper's C)."""
 
     kind: ContactKind
     T_obj_ee: np.ndarray  # (7,)
-    point: np.ndarray  # (3,) where it touches, object frame
-    normal: np.ndarray  # (3,) outward unit normal there, object frame
+    point: np.ndarray  # (3,) contact position, object frame
+    normal: np.ndarray  # (3,) outward unit normal at that position, object frame
     opening: float  # gripper opening while in contact, m
     approach: np.ndarray  # (3,) unit direction of the final approach, end-effector frame
-    score: float = 0.0  # higher is handed out first
+    score: float = 0.0  # contacts with higher scores are tried first
 
 
 class SegmentKind(StrEnum):
-    """The contact mode of a segment; the same values as :class:`ContactKind`, and the transit."""
+    """Contact mode of a segment: a :class:`ContactKind`, or transit."""
 
-    TRANSIT = "transit"  # moves without touching anything
+    TRANSIT = "transit"  # free motion without contact
     TOUCH = "touch"
     GRASP = "grasp"
     PUSH = "push"
@@ -292,20 +315,20 @@ class SegmentKind(StrEnum):
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of the plan in one contact mode; times in seconds from the start of the plan."""
+    """An interval of the plan with one contact mode; times in seconds from the start of the plan."""
 
     start: float
     end: float
     robot: str
-    manipulator: str  # the robot's end-effector link, or the name of the held tool
-    object: str | None
+    manipulator: str  # the robot's end-effector link, or the name of the attached tool
+    object: str | None  # the object in contact; None in transit
     kind: SegmentKind
     contact_pose: np.ndarray | None = None  # T_obj_manipulator (7,)
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Timed samples of everything that moves; linear between samples (rotations along the shortest arc)."""
+    """Timed samples of all robots and movable bodies; linear between samples (rotations along the shortest arc)."""
 
     time: np.ndarray  # (N,) s, increasing, first 0
     joints: dict[str, np.ndarray]  # robot -> (N, n)
@@ -333,10 +356,10 @@ class JointTrajectory:
 
 @dataclass(frozen=True)
 class Plan:
-    """A solved task: scene, trajectory, contact modes, waypoints, and how it was found."""
+    """A solution of a task: scene, trajectory, segments with their contact modes, waypoints and statistics."""
 
     scene: Scene
     trajectory: Trajectory
     segments: tuple[Segment, ...]
-    waypoints: np.ndarray  # (I, 7) poses of the goal's object
+    waypoints: np.ndarray  # (I, 7) T_world_obj of the goal's object
     stats: dict  # planning_time_s, contact_tries, mode_switches, waypoint_plans, ...

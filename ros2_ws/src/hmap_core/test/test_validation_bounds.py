@@ -42,7 +42,7 @@ def test_gaps_of_boxes_are_lower_bounds_at_every_sample(world):
 @pytest.mark.parametrize("threshold", [-1e-3, 0.0, 0.02, 0.2])
 def test_steps_that_are_not_suspicious_stay_above_the_threshold(world, threshold):
     pairs = [pair for pair in made(world) if pair.moves]
-    runs = Bounds(world, PartBoxes(world), pairs).suspicious(np.full(len(pairs), threshold))
+    runs = Bounds(world, PartBoxes(world), pairs).uncleared(np.full(len(pairs), threshold))
     cleared = 0
     for i, pair in enumerate(pairs):
         clear = np.ones(world.samples - 1, bool)
@@ -59,7 +59,7 @@ def test_steps_that_are_not_suspicious_stay_above_the_threshold(world, threshold
 def test_nothing_is_suspicious_where_all_is_far(world):
     pairs = [pair for pair in made(world) if pair.moves and measured(world, pair).min() > 0.3]
     assert pairs
-    assert Bounds(world, PartBoxes(world), pairs).suspicious(np.zeros(len(pairs))) == {}
+    assert Bounds(world, PartBoxes(world), pairs).uncleared(np.zeros(len(pairs))) == {}
 
 
 def test_the_clearance_is_the_smallest_measured_distance(world):
@@ -73,7 +73,7 @@ def test_the_clearance_is_the_smallest_measured_distance(world):
 def test_pairs_judged_a_few_at_a_time_give_the_same(world, monkeypatch):
     pairs = made(world)
     together = collision.check(world, pairs, Findings())
-    monkeypatch.setattr(limits, "SAMPLES_AT_ONCE", world.samples)
+    monkeypatch.setattr(limits, "MAX_PAIR_SAMPLES", world.samples)
     assert collision.check(world, pairs, Findings()) == pytest.approx(together, abs=1e-12)
 
 
@@ -116,12 +116,12 @@ def test_products_of_many_rotations_with_one():
     assert rigid.apply(R, v) == pytest.approx(R @ v)
     axis, angles = v / np.linalg.norm(v), np.linspace(-3.0, 3.0, 20)
     expected = rotations * Rotation.from_rotvec(angles[:, None] * axis)
-    assert rigid.turned(R, axis, angles) == pytest.approx(expected.as_matrix())
+    assert rigid.rotated(R, axis, angles) == pytest.approx(expected.as_matrix())
 
 
 def test_turn_along_rotations_is_exact_for_small_and_large_turns():
     axis = np.array([0.6, 0.0, 0.8])
     turns = np.array([0.0, 1e-7, 1e-3, 1.0, 3.0, np.pi])
     R = Rotation.from_rotvec(np.cumsum(np.append(0.5, turns))[:, None] * axis).as_matrix()
-    assert rigid.turn_along(R) == pytest.approx(turns, abs=1e-7)
-    assert rigid.turn_along(R)[1:3] == pytest.approx(turns[1:3], rel=1e-6)
+    assert rigid.step_angles(R) == pytest.approx(turns, abs=1e-7)
+    assert rigid.step_angles(R)[1:3] == pytest.approx(turns[1:3], rel=1e-6)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from hmap_core.validation import arm, document, rigid
 from hmap_core.validation.geometry import Boxes, Gauge, box_gap, hull, solid, transform
 from hmap_core.validation.reader import Reader
-from hmap_core.validation.support import CLEARLY, Supporter, _guessed_inside, _halfspaces, overlap
+from hmap_core.validation.support import SAMPLED_DEPTH, SupportFinder, _halfspaces, _sampled_interior, overlap
 from hmap_core.validation.world import World
 
 PANDA = "pybullet_data://franka_panda/panda.urdf"
@@ -159,9 +159,9 @@ def test_slerp_and_angles_agree_with_scipy():
         theirs = Slerp([0.0, 1.0], Rotation.from_quat([a[k], b[k]]))(s[k])
         assert (mine[k].inv() * theirs).magnitude() < 1e-7
     expected = (Rotation.from_quat(a).inv() * Rotation.from_quat(b)).magnitude()
-    np.testing.assert_allclose(rigid.turn(a, b), expected, atol=1e-7)
+    np.testing.assert_allclose(rigid.angle_between(a, b), expected, atol=1e-7)
     np.testing.assert_allclose(
-        rigid.turn_of(Rotation.from_quat(b).as_matrix()), Rotation.from_quat(b).magnitude(), atol=1e-7
+        rigid.rotation_angle(Rotation.from_quat(b).as_matrix()), Rotation.from_quat(b).magnitude(), atol=1e-7
     )
 
 
@@ -172,7 +172,7 @@ def test_overlap_of_a_box_with_its_support_is_the_same_from_any_point_inside(shi
     standing = SOLIDS["box"].points @ R.T + [*shift, 0.149]  # 1 mm deep
     support = solid("box", (0.1, 0.1, 0.2)).points - [0.0, 0.0, 0.1]
     guessed = overlap(standing, support)
-    monkeypatch.setattr("hmap_core.validation.support._guessed_inside", lambda *_: None)
+    monkeypatch.setattr("hmap_core.validation.support._sampled_interior", lambda *_: None)
     exact = overlap(standing, support)
     assert (guessed is None) == (exact is None) == (shift[0] == 0.3)
     if exact is not None:
@@ -189,10 +189,10 @@ def test_boxes_side_by_side_overlap_only_when_a_ball_fits_between(gap, meets):
 
 def test_a_guessed_point_is_inside_both():
     a, b = SOLIDS["box"].points + [0.0, 0.0, 0.149], solid("box", (1.0, 1.0, 0.2)).points - [0.0, 0.0, 0.1]
-    x, y, z = _guessed_inside(a, _halfspaces(a), b, _halfspaces(b))
-    assert abs(x) < 0.05 - CLEARLY
-    assert abs(y) < 0.1 - CLEARLY
-    assert -1e-3 + CLEARLY < z < -CLEARLY
+    x, y, z = _sampled_interior(a, _halfspaces(a), b, _halfspaces(b))
+    assert abs(x) < 0.05 - SAMPLED_DEPTH
+    assert abs(y) < 0.1 - SAMPLED_DEPTH
+    assert -1e-3 + SAMPLED_DEPTH < z < -SAMPLED_DEPTH
 
 
 def test_overlap_of_two_boxes_is_their_common_box():
@@ -225,7 +225,7 @@ def test_support_of_shapes_on_the_table(tmp_path, kind, size, height, quaternion
     thing = plans.box("thing", (1, 1, 1), (0.5, 0.0, 0.0))
     thing |= {"shape": kind, "size": size, "pose": [0.5, 0.0, height, *quaternion]}
     plan["scene"]["bodies"].append(thing)
-    support = Supporter(World(document.read(plan))).at("thing", 0)
+    support = SupportFinder(World(document.read(plan))).at("thing", 0)
     assert support.stable is stable
     assert support.bodies == ({"table"} if height < 0.1 and height != 0.032 else set())
 
@@ -236,5 +236,5 @@ def test_a_compound_stands_on_all_its_parts(tmp_path):
     top = {"shape": "box", "size": [0.3, 0.1, 0.02], "pose": plans.pose(0.0, 0.0, 0.01)}
     thing = {"name": "stool", "kind": "movable", "shape": "compound", "parts": [*legs, top], "friction": 0.5}
     plan["scene"]["bodies"].append(thing | {"pose": plans.pose(0.5, 0.0, 0.1)})
-    support = Supporter(World(document.read(plan))).at("stool", 0)
+    support = SupportFinder(World(document.read(plan))).at("stool", 0)
     assert support.stable and support.inside == pytest.approx(0.05, abs=1e-6)

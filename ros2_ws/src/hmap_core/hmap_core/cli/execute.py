@@ -8,7 +8,7 @@ from hmap_core.cli.check import read
 from hmap_core.cli.main import natural, positive, seed_argument
 from hmap_core.cli.plan import DEFAULT_TIME_LIMIT
 from hmap_core.cli.progress import ProgressLine
-from hmap_core.evaluation.trial import DEFAULT_REPLANS, is_file
+from hmap_core.evaluation.trial import DEFAULT_REPLANS, is_path
 
 HELP = "execute a plan file, or plan and execute a task, under dynamics, and say whether the task was solved"
 PLAN_SUFFIX = ".json"
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    given = not is_file(arguments.what) and (arguments.what.endswith(PLAN_SUFFIX) or Path(arguments.what).is_file())
+    given = not is_path(arguments.what) and (arguments.what.endswith(PLAN_SUFFIX) or Path(arguments.what).is_file())
     document = read(Path(arguments.what)) if given else None
     with ProgressLine() as line:
         line.show("starting", "loading the simulation")

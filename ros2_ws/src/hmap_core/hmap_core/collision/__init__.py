@@ -1,4 +1,4 @@
-"""Distances between convex shapes, compiled: what the optimiser and the sampling planners ask millions of times."""
+"""Distances between sets of convex shapes, compiled with Numba for the optimiser and the sampling-based planners."""
 
 from hmap_core.collision.convex import ConvexSet, convex_set, set_distance
 

@@ -1,18 +1,24 @@
-"""Edges of convex hulls, along which the farthest vertex in a direction is found by climbing."""
+"""Edges of convex hulls, for support functions by hill climbing (Cameron 1997)."""
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-CLIMB_FROM = 16  # vertices; on smaller hulls looking at every vertex is as fast
+CLIMB_FROM = 16  # vertices; for smaller hulls, testing every vertex is as fast
 NO_EDGES = np.zeros(0, np.int32)
 
 
 def hull_edges(points: np.ndarray) -> np.ndarray:
-    """Neighbours of each vertex of the hull of points (n, 3), all of which are its vertices.
+    """Adjacent vertices of each vertex of a convex hull.
+
+    Hill climbing along these edges finds the support vertex: a vertex without a better neighbour is optimal, since the
+    hull is convex.
+
+    Args:
+        points: (n, 3), the vertices of the hull.
 
     Returns:
-        (n + 1 + 2 E,) int32: the neighbours of vertex i are ``edges[edges[i]:edges[i + 1]]``; empty for small or flat
-        hulls. A vertex that no neighbour exceeds is the farthest, since the hull is convex.
+        (n + 1 + 2 E,) int32: the neighbours of vertex i are ``edges[edges[i]:edges[i + 1]]``. Empty for small or flat
+        hulls, and if some point is not a vertex.
     """
     n = len(points)
     if n < CLIMB_FROM:
@@ -21,7 +27,7 @@ def hull_edges(points: np.ndarray) -> np.ndarray:
         hull = ConvexHull(points)
     except QhullError:
         return NO_EDGES
-    if len(hull.vertices) < n:  # some vertex lies within: it would have no neighbours
+    if len(hull.vertices) < n:  # a point inside the hull has no neighbours
         return NO_EDGES
     near = np.concatenate([hull.simplices[:, [0, 1]], hull.simplices[:, [1, 2]], hull.simplices[:, [2, 0]]])
     near = np.unique(np.concatenate([near, near[:, ::-1]]), axis=0)

@@ -1,4 +1,4 @@
-"""A collision model that grew from another: packs for the compiled code only what is new."""
+"""Collision models that extend another model; only the additions are packed for the compiled code."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -10,7 +10,7 @@ from hmap_core.collision.scene_model import LEAST_SPEED, CollisionModel, Collisi
 
 
 class BaseModel(CollisionModel):
-    """A model that others grow from; it must not grow any more once it was packed."""
+    """A model that others extend. It must not change after it was packed."""
 
     @cached_property
     def packed(self) -> Collisions:
@@ -23,7 +23,11 @@ class BaseModel(CollisionModel):
 
 
 class GrownModel(CollisionModel):
-    """Begins with the shapes and pairs of a model that is finished, and grows on its own."""
+    """A model that starts with the shapes and pairs of a finished model, and is extended independently of it.
+
+    Args:
+        base: the finished model.
+    """
 
     def __init__(self, base: BaseModel):
         super().__init__(list(base.hulls), list(base.frames), list(base.names), list(base.pairs), list(base.speeds))
@@ -31,7 +35,7 @@ class GrownModel(CollisionModel):
         self._packed: tuple[tuple[int, int], Collisions] | None = None
 
     def arrays(self) -> Collisions:
-        """As :meth:`CollisionModel.arrays`; packed once for the shapes and pairs so far."""
+        """As :meth:`CollisionModel.arrays`; packed again only after shapes or pairs were added."""
         size = len(self.hulls), len(self.pairs)
         if self._packed is None or self._packed[0] != size:
             self._packed = size, self._pack()
@@ -71,10 +75,10 @@ def _columns(rows: list[tuple], count: int) -> tuple[tuple, ...]:
 
 
 def _ends(array: np.ndarray, added: tuple[np.ndarray, ...]) -> np.ndarray:
-    """Where an array ends, and where it does after each array that is added to it."""
+    """End offsets of an array and of the arrays that are appended to it."""
     return np.array([*accumulate(map(len, added), initial=len(array))], np.int64)
 
 
 def _longer(array: np.ndarray, rows: Sequence) -> np.ndarray:
-    """An array with more rows."""
+    """Appends rows to an array."""
     return np.concatenate([array, np.array(rows, array.dtype).reshape(-1, *array.shape[1:])])

@@ -1,1 +1,1 @@
-"""How often tasks are solved, and how fast: many seeded trials of the whole planner, judged and executed."""
+"""Benchmark of the whole planner: many seeded trials of planning, judging and execution."""

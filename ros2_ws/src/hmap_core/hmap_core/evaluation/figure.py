@@ -1,4 +1,4 @@
-"""The results of trials as a picture."""
+"""Figure of the results of a benchmark."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,11 +8,16 @@ import numpy as np
 from hmap_core.evaluation.summary import TaskSummary
 from hmap_core.evaluation.trial import TrialResult
 
-SPREAD = 0.12  # height over which the points of a task are spread, of the distance between two tasks
+JITTER = 0.12  # vertical spread of the points of a task, relative to the distance between two tasks
 
 
 def draw(results: dict[str, Sequence[TrialResult]], file: Path) -> None:
-    """Draws the planning time of every valid plan, and how many trials are valid and solved, task by task."""
+    """Draws the planning times of valid plans and the rates of valid and solved trials, for each task.
+
+    Args:
+        results: task -> results of its trials.
+        file: the figure; the suffix selects the format.
+    """
     import matplotlib
 
     matplotlib.use("agg")
@@ -24,7 +29,7 @@ def draw(results: dict[str, Sequence[TrialResult]], file: Path) -> None:
     )
     for k, task in enumerate(tasks.values()):
         found = task.planning_times
-        times.scatter(found, k + SPREAD * np.linspace(-1.0, 1.0, len(found)), s=8, color="tab:blue", alpha=0.5, lw=0)
+        times.scatter(found, k + JITTER * np.linspace(-1.0, 1.0, len(found)), s=8, color="tab:blue", alpha=0.5, lw=0)
         if found:
             times.plot([np.median(found)] * 2, [k - 0.3, k + 0.3], color="black")
         n = max(1, len(task.trials))
@@ -43,7 +48,7 @@ def draw(results: dict[str, Sequence[TrialResult]], file: Path) -> None:
 
 
 def _decades(tasks: dict[str, TaskSummary]) -> dict[str, tuple[float, float]]:
-    """Limits of the axis of times: whole powers of ten round all of them."""
+    """Axis limits for the times: the powers of ten that enclose all of them."""
     found = [time for task in tasks.values() for time in task.planning_times]
     if not found:
         return {}

@@ -1,4 +1,4 @@
-"""A trial in a process of its own kind: when it crashes or hangs, only this trial is lost, and its result says so."""
+"""Trials in worker processes: a crash or a timeout affects one trial only, and its result reports it."""
 
 import json
 import os
@@ -15,11 +15,15 @@ from hmap_core.evaluation.trial import Trial, TrialResult
 
 COMMAND = (sys.executable, "-m", "hmap_core.evaluation.worker")
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-TOLD = 300  # characters of the last line on standard error that a result repeats
+MAX_SHOWN = 300  # characters of the last line of standard error that a result repeats
 
 
 class Worker:
-    """A process with one thread that does trials one after another, and is started anew when it was lost."""
+    """A single-threaded process that runs trials one after another; it is restarted after a crash or timeout.
+
+    Args:
+        command: the worker process; see :mod:`hmap_core.evaluation.worker` for its protocol.
+    """
 
     def __init__(self, command: Sequence[str] = COMMAND):
         """
@@ -31,7 +35,15 @@ class Worker:
         self._errors = tempfile.TemporaryFile()
 
     def run(self, trial: Trial, limit: float) -> TrialResult:
-        """Do a trial; after ``limit`` seconds of wall-clock time it is ended."""
+        """Runs a trial.
+
+        Args:
+            trial: the trial.
+            limit: wall-clock time in seconds after which the process is killed.
+
+        Returns:
+            The result; its ``reason`` says whether the process crashed or was killed.
+        """
         if self._process is None:
             self._start()
         process = self._process
@@ -49,7 +61,7 @@ class Worker:
         return TrialResult(**json.loads(answer))
 
     def close(self) -> None:
-        """End the process, whatever it does."""
+        """Kills the process."""
         if self._process is not None:
             self._process.kill()
             self._process.communicate()
@@ -74,15 +86,24 @@ class Worker:
         self._errors.seek(0)
         lines = [line for line in self._errors.read().decode(errors="replace").splitlines() if line.strip()]
         fatal = [line for line in lines if line.startswith("Fatal Python error")] or lines
-        last = f": {fatal[-1].strip()[:TOLD]}" if fatal else ""
+        last = f": {fatal[-1].strip()[:MAX_SHOWN]}" if fatal else ""
         return TrialResult(trial.seed, reason=f"the process of the trial ended with {how}{last}")
 
 
-_workers = threading.local()  # each thread has its own
+_workers = threading.local()  # one worker for each thread
 
 
 def run_isolated(trial: Trial, limit: float, command: Sequence[str] = COMMAND) -> TrialResult:
-    """Do a trial in this thread's worker process, which stays for the next one and ends with this process."""
+    """Runs a trial in this thread's worker process, which is reused and ends with this process.
+
+    Args:
+        trial: the trial.
+        limit: wall-clock time in seconds after which the process is killed.
+        command: the worker process.
+
+    Returns:
+        The result.
+    """
     worker = getattr(_workers, "worker", None)
     if worker is None or worker.command != tuple(command):
         if worker is not None:

@@ -1,4 +1,4 @@
-"""New plans during an execution, by the planner in this process."""
+"""Replanning during an execution, by the planner in this process."""
 
 import numpy as np
 
@@ -10,12 +10,16 @@ from hmap_core.types import Plan, Scene, SceneState
 
 
 def replanner(scene: Scene, seed: int, time_limit: float) -> Replanner:
-    """What :func:`hmap_core.execution.closed_loop.execute_closed_loop` asks for new plans.
+    """Builds the replanning function for :func:`hmap_core.execution.closed_loop.execute_closed_loop`.
 
     Args:
         scene: the task, with its goal.
-        seed: every new plan has one of its own that follows from it.
-        time_limit: seconds of wall-clock time for each.
+        seed: seed from which the seed of every new plan is derived.
+        time_limit: wall-clock time for each plan, s.
+
+    Returns:
+        A function of the measured state, the number of the replan and the attached tools. It returns a plan, and raises
+        the exceptions of :func:`hmap_core.planner.plan`.
     """
 
     def replan(state: SceneState, attempt: int, tools: tuple[AttachedTool, ...]) -> Plan:

@@ -1,4 +1,4 @@
-"""Does one trial in this process: plans, judges, executes."""
+"""Runs one trial in this process: plans, judges, executes."""
 
 import contextlib
 import gc
@@ -17,26 +17,30 @@ from hmap_core.types import Plan, TaskMode
 from hmap_core.validation import check
 from hmap_core.validation.report import Report
 
-WARM_UP_SEED = 10**6  # added to a trial's seed: what is planned before the clock runs is never a trial itself
-VIOLATIONS_TOLD = 3
+WARM_UP_SEED = 10**6  # added to a trial's seed, so that the warm-up plan differs from all trials
+MAX_VIOLATIONS_SHOWN = 3
 
 
 def warm_up(trial: Trial) -> None:
-    """Plan the trial's task with another seed, so that everything is loaded, and compiled, when the clock starts."""
+    """Plans the trial's task with another seed, so that imports and compilation do not count in the measured time."""
     seed = WARM_UP_SEED + trial.seed
-    with contextlib.suppress(Exception):  # it is only to load what planning needs, and says nothing about the trial
+    with contextlib.suppress(Exception):  # failures of the warm-up do not matter
         planner.plan(load_scene(trial.task, seed), seed=seed, time_limit=trial.time_limit)
     gc.collect()
-    gc.freeze()  # a look through all that the libraries keep costs as much as half a plan
+    gc.freeze()  # a full collection of the libraries' objects takes as long as half a plan
 
 
 def run_trial(trial: Trial) -> TrialResult:
-    """Do a trial; whatever goes wrong becomes the reason of its result."""
+    """Runs a trial.
+
+    Returns:
+        The result; any exception becomes its ``reason``.
+    """
     try:
         return _run(trial)
     except HmapError as error:
         return TrialResult(trial.seed, reason=str(error))
-    except Exception as error:  # an error of ours must not lose the other trials
+    except Exception as error:  # an internal error must not end the other trials
         return TrialResult(trial.seed, reason=f"[internal/INTERNAL] {type(error).__name__}: {error}")
 
 
@@ -50,7 +54,7 @@ def _run(trial: Trial) -> TrialResult:
             trial.seed, reason=str(error), planning_s=time.perf_counter() - wall, cpu_s=time.process_time() - cpu
         )
     planned = _planned(trial, plan, time.process_time() - cpu)
-    report = check(json.loads(json.dumps(to_dict(plan))))  # as a file would have it
+    report = check(json.loads(json.dumps(to_dict(plan))))  # as read from a file
     planned = replace(planned, valid=report.valid, goal_error=report.goal_error)
     if not report.valid:
         return replace(planned, reason=_violations(report))
@@ -68,9 +72,9 @@ def _planned(trial: Trial, plan: Plan, cpu_s: float) -> TrialResult:
 
 
 def _violations(report: Report) -> str:
-    told = [f"{v.kind} of {', '.join(v.bodies)} at {v.time:.2f} s" for v in report.violations[:VIOLATIONS_TOLD]]
-    more = len(report.violations) - len(told)
-    return "not valid: " + "; ".join(told + ([f"{more} more"] if more else []))
+    shown = [f"{v.kind} of {', '.join(v.bodies)} at {v.time:.2f} s" for v in report.violations[:MAX_VIOLATIONS_SHOWN]]
+    more = len(report.violations) - len(shown)
+    return "not valid: " + "; ".join(shown + ([f"{more} more"] if more else []))
 
 
 def _executed(trial: Trial, plan: Plan, planned: TrialResult) -> TrialResult:

@@ -1,4 +1,4 @@
-"""The results of trials put together: numbers for each task, as a table and as JSON."""
+"""Summary of trials: statistics for each task, as a table and as JSON."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,40 +7,50 @@ import numpy as np
 
 from hmap_core.evaluation.trial import TrialResult
 
-HIGH = 95  # the percentile of planning times that is told beside the median
+HIGH = 95  # percentile of planning times that is reported next to the median
 COLUMNS = ("task", "n", "valid", "solved", "median s", "p95 s", "cpu s", "waypoints", "tries", "switches", "replans")
 WIDTHS = (22, 5, 7, 8, 10, 9, 9, 11, 8, 10, 9)  # characters
 
 
 @dataclass(frozen=True)
 class TaskSummary:
-    """The trials of one task.
+    """Statistics of the trials of one task.
 
-    Planning times, waypoints, tries and switches are of the trials whose plan is valid.
+    Planning times, waypoints, tries and switches are of the trials with a valid plan.
     """
 
     trials: tuple[TrialResult, ...]
 
     @property
     def valid(self) -> int:
+        """Number of trials with a valid plan."""
         return sum(trial.valid for trial in self.trials)
 
     @property
     def solved(self) -> int:
+        """Number of solved trials."""
         return sum(trial.solved for trial in self.trials)
 
     @property
     def replans(self) -> int:
-        """New plans in all trials together."""
+        """Number of replans in all trials."""
         return sum(trial.replans for trial in self.trials)
 
     @property
     def planning_times(self) -> list[float]:
-        """Seconds, of the trials whose plan is valid."""
+        """Planning times of the trials with a valid plan, s."""
         return [trial.planning_s for trial in self.trials if trial.valid]
 
     def percentile(self, key: str, percent: float) -> float | None:
-        """A percentile of one of the numbers of the trials whose plan is valid; None where there is none."""
+        """Percentile of a number of the trials with a valid plan.
+
+        Args:
+            key: attribute of :class:`hmap_core.evaluation.trial.TrialResult`.
+            percent: 0 to 100.
+
+        Returns:
+            The percentile; None if no such trial has the number.
+        """
         values = [getattr(trial, key) for trial in self.trials if trial.valid and getattr(trial, key) is not None]
         return float(np.percentile(values, percent)) if values else None
 
@@ -48,7 +58,7 @@ class TaskSummary:
         return {"median": self.percentile(key, 50), "p95": self.percentile(key, HIGH)}
 
     def to_dict(self) -> dict:
-        """Plain data for JSON; ``docs/results.md`` describes it."""
+        """The statistics as plain JSON types; ``docs/results.md`` describes the keys."""
         return {
             "n": len(self.trials),
             "valid": self.valid,
@@ -60,19 +70,37 @@ class TaskSummary:
 
 
 def to_dict(results: dict[str, Sequence[TrialResult]]) -> dict:
-    """The document that ``hmap bench tasks --json`` writes, from the results of each task."""
+    """The document that ``hmap bench tasks --json`` writes.
+
+    Args:
+        results: task -> results of its trials.
+    """
     return {"tasks": {name: TaskSummary(tuple(trials)).to_dict() for name, trials in results.items()}}
 
 
 def table(results: dict[str, Sequence[TrialResult]]) -> list[str]:
-    """Lines for people: times in seconds (``cpu``: the median), the median of the counts, the sum of new plans."""
+    """The results as an aligned text table: times in seconds (``cpu``: median), medians of counts, sum of replans.
+
+    Args:
+        results: task -> results of its trials.
+
+    Returns:
+        The lines.
+    """
     rows = [COLUMNS, *(_row(name, TaskSummary(tuple(trials))) for name, trials in results.items())]
     first = max(WIDTHS[0], *(len(row[0]) for row in rows))
     return [row[0].ljust(first) + "".join(c.rjust(w) for c, w in zip(row[1:], WIDTHS[1:], strict=True)) for row in rows]
 
 
 def markdown(results: dict[str, Sequence[TrialResult]]) -> list[str]:
-    """The same as a table in Markdown."""
+    """The same table in Markdown.
+
+    Args:
+        results: task -> results of its trials.
+
+    Returns:
+        The lines.
+    """
     rows = [_row(name, TaskSummary(tuple(trials))) for name, trials in results.items()]
     return [_line(COLUMNS), _line(("---",) + ("--:",) * (len(COLUMNS) - 1)), *map(_line, rows)]
 

@@ -1,26 +1,26 @@
-"""One trial: a task with a seed, and what came of it. Plain data, so that it can be sent to where it is done."""
+"""Trials and their results, as plain data that can be sent to worker processes."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 PUBLISHED = "published/"  # prefix of the tasks with the published geometry
-DEFAULT_REPLANS = 3  # new plans that an execution may ask for
+DEFAULT_REPLANS = 3  # number of replans that an execution may request
 
 
-def is_file(task: str) -> bool:
-    """Whether a task is given by the path of its file."""
+def is_path(task: str) -> bool:
+    """Whether a task is given as the path of a task file."""
     return task.endswith((".yaml", ".yml"))
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What is tried.
+    """A trial: a task with a seed and limits.
 
     Attributes:
         task: a name of ``hmap tasks``, or the path of a task file.
-        seed: of the randomisation and of the planner.
-        time_limit: s for each planning.
-        max_replans: new plans that the execution may ask for.
+        seed: seed of the randomisation and of the planner.
+        time_limit: wall-clock time for each plan, s.
+        max_replans: number of replans that the execution may request.
     """
 
     task: str
@@ -30,28 +30,29 @@ class Trial:
 
     @property
     def name(self) -> str:
-        """The task without ``published/``; of a file its name without the suffix."""
-        return Path(self.task).stem if is_file(self.task) else self.task.removeprefix(PUBLISHED)
+        """Name of the task without ``published/``, or name of its file without suffix."""
+        return Path(self.task).stem if is_path(self.task) else self.task.removeprefix(PUBLISHED)
 
 
 @dataclass(frozen=True)
 class TrialResult:
-    """What came of a trial.
+    """The result of a trial.
 
     Attributes:
+        seed: of the trial.
         valid: the judge accepts the plan.
-        solved: the plan is valid and, where the task is physical, its execution solved the task.
-        reason: why it is not solved; empty when it is.
-        planning_s: wall-clock seconds until there was a plan, before the judge looked at it; where there was none,
-            until the planner gave up; None where it did not come to that.
-        cpu_s: the same in seconds of processor time, with the time of the judge.
+        solved: the plan is valid and, for a physical task, its execution solved the task.
+        reason: why the trial is not solved; empty if it is.
+        planning_s: wall-clock time of planning without the judge, s; if planning failed, the time until it did; None if
+            planning did not start.
+        cpu_s: the same in processor time, including the judge, s.
         executed: the plan was executed.
-        replans: new plans that were asked for during the execution.
-        replan_reasons: why, for each.
-        waypoints, contact_tries, mode_switches: of the first plan; None where there is none.
-        segments: its segments.
-        duration_s: how long it takes to execute, s.
-        goal_error: of the object at the end of the execution, or of the plan where it was not executed.
+        replans: number of replans during the execution.
+        replan_reasons: the reason of each replan.
+        waypoints, contact_tries, mode_switches: of the first plan; None if there is none.
+        segments: number of its segments.
+        duration_s: its duration, s.
+        goal_error: error of the object at the end of the execution, or of the plan if it was not executed.
     """
 
     seed: int
@@ -71,5 +72,5 @@ class TrialResult:
     goal_error: dict[str, float] | None = None
 
     def to_dict(self) -> dict:
-        """Plain data for JSON."""
+        """The result as plain JSON types."""
         return asdict(self) | {"replan_reasons": list(self.replan_reasons)}

@@ -1,14 +1,14 @@
-"""Many trials at once: in processes of this machine, or on a Dask cluster; by joblib either way."""
+"""Runs many trials in parallel with joblib: in processes on this machine, or on a Dask cluster."""
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
 
 from hmap_core.evaluation.isolated import COMMAND, run_isolated
-from hmap_core.evaluation.trial import PUBLISHED, Trial, TrialResult, is_file
+from hmap_core.evaluation.trial import PUBLISHED, Trial, TrialResult, is_path
 from hmap_core.exceptions import Code, InputError
 
-EXECUTION_TIME = 900.0  # s for loading, judging and executing, before a trial is taken to hang
-CONNECTION_TIME = 20.0  # s for a Dask scheduler to answer
+EXECUTION_TIMEOUT = 900.0  # s for loading, judging and executing a trial
+CONNECTION_TIMEOUT = 20.0  # s for a Dask scheduler to respond
 
 OnResult = Callable[[Trial, TrialResult], None]
 
@@ -20,21 +20,22 @@ def run_trials(
     on_result: OnResult | None = None,
     command: Sequence[str] = COMMAND,
 ) -> list[TrialResult]:
-    """Do all trials; each has a process of its own, one thread, and depends on its seed only.
+    """Runs trials. Each runs in a single-threaded process and depends on its seed only.
 
     Args:
-        jobs: how many at once; -1: one on each core. A Dask cluster decides by itself.
-        dask: address of a Dask scheduler whose workers do them; None: this machine.
-        on_result: called after each, in the order in which they end.
+        trials: the trials.
+        jobs: number of parallel trials; -1 for one on each core. A Dask cluster determines it itself.
+        dask: address of a Dask scheduler whose workers run the trials; None for this machine.
+        on_result: called after each trial, in the order of completion.
         command: the worker process; see :class:`hmap_core.evaluation.isolated.Worker`.
 
     Returns:
-        the results, in the order of the trials.
+        The results, in the order of the trials.
 
     Raises:
-        InputError: Dask is not installed, or does not answer.
+        InputError: Dask is not installed, or its scheduler does not respond.
     """
-    from joblib import Parallel, delayed  # takes a moment, and only benchmarks need it
+    from joblib import Parallel, delayed  # slow to import, and needed by benchmarks only
 
     results: list[TrialResult | None] = [None] * len(trials)
     with _backend(dask):
@@ -47,23 +48,26 @@ def run_trials(
 
 
 def task_names(tasks: Sequence[str] = (), published: bool = False) -> list[str]:
-    """The tasks to try, as :func:`hmap_core.scenes.load_scene` takes them.
+    """The tasks of a benchmark, as :func:`hmap_core.scenes.load_scene` expects them.
 
     Args:
-        tasks: names without ``published/``, or paths of task files; none: all of the set that have a plan.
-        published: the set with the published geometry.
+        tasks: names without ``published/``, or paths of task files; empty for all solvable tasks of the set.
+        published: use the set of tasks with the published geometry.
+
+    Returns:
+        The names and paths.
 
     Raises:
-        InputError: UNKNOWN_TASK.
+        InputError: UNKNOWN_TASK; a name is not in the set.
     """
     from hmap_core.scenes import list_tasks  # slow to import
 
     in_set = [task for task in list_tasks() if task.startswith(PUBLISHED) == published]
     prefix = PUBLISHED if published else ""
-    chosen = [task if is_file(task) else prefix + task.removeprefix(prefix) for task in tasks]
+    chosen = [task if is_path(task) else prefix + task.removeprefix(prefix) for task in tasks]
     chosen = chosen or [task for task in list_tasks(unsolvable=False) if task in in_set]
     for task in chosen:
-        if not is_file(task) and task not in in_set:
+        if not is_path(task) and task not in in_set:
             known = ", ".join(name.removeprefix(PUBLISHED) for name in in_set)
             kind = "published task" if published else "task"
             raise InputError(
@@ -73,18 +77,22 @@ def task_names(tasks: Sequence[str] = (), published: bool = False) -> list[str]:
     return chosen
 
 
-def hang_time(trial: Trial) -> float:
-    """Seconds after which a trial is ended: planning to warm up, planning, new plans, and everything else."""
-    return (2 + trial.max_replans) * trial.time_limit + EXECUTION_TIME
+def trial_timeout(trial: Trial) -> float:
+    """Wall-clock time in seconds after which a trial is killed: warm-up, planning, replans and execution."""
+    return (2 + trial.max_replans) * trial.time_limit + EXECUTION_TIMEOUT
 
 
 def _numbered(k: int, trial: Trial, command: Sequence[str]) -> tuple[int, TrialResult]:
-    return k, run_isolated(trial, hang_time(trial), command)
+    return k, run_isolated(trial, trial_timeout(trial), command)
 
 
 @contextlib.contextmanager
 def _backend(address: str | None) -> Iterator[None]:
-    """Makes joblib use a Dask cluster, where one is named."""
+    """Selects a Dask cluster as joblib's backend if an address is given.
+
+    Raises:
+        InputError: Dask is not installed, or its scheduler does not respond.
+    """
     if address is None:
         yield
         return
@@ -95,7 +103,7 @@ def _backend(address: str | None) -> Iterator[None]:
     from joblib import parallel_config
 
     try:
-        client = Client(address, timeout=CONNECTION_TIME)
+        client = Client(address, timeout=CONNECTION_TIMEOUT)
     except (OSError, ValueError) as error:
         raise InputError(f"no Dask scheduler answers at '{address}': {error}") from error
     with client, parallel_config(backend="dask", client=client):

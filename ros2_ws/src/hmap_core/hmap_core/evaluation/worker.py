@@ -1,7 +1,7 @@
-"""The process that does trials one after another: ``python -m hmap_core.evaluation.worker``.
+"""The process that runs trials one after another: ``python -m hmap_core.evaluation.worker``.
 
-A line of JSON for each trial comes in at standard input, a line of JSON for its result goes out at standard output. It
-ends with its input. What libraries print goes to standard error.
+It reads one line of JSON for each trial from standard input and writes one line of JSON for each result to standard
+output. It ends when its input ends. Output of libraries goes to standard error.
 """
 
 import faulthandler
@@ -11,10 +11,11 @@ import sys
 
 
 def main() -> int:
+    """Runs trials until standard input ends; returns exit code 0."""
     faulthandler.enable()
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    from hmap_core.evaluation.run import run_trial, warm_up  # after that: some libraries print when they are loaded
+    from hmap_core.evaluation.run import run_trial, warm_up  # after the redirection: some libraries print on import
     from hmap_core.evaluation.trial import Trial
 
     warm: set[str] = set()

@@ -1,4 +1,4 @@
-"""Serial arms from URDF files and free bodies: frames, Jacobians and tight link hulls."""
+"""Kinematics of serial arms (from URDF files) and of free bodies: frames, Jacobians and tight link hulls."""
 
 from hmap_core.kinematics.arm import Arm, LinkHull, load_arm
 from hmap_core.kinematics.free_body import FreeBody, Freedom, extent_of

@@ -1,6 +1,7 @@
-"""An arm as compiled code wants it: joints that turn about (or slide along) their local z axis, and link hulls."""
+"""Serial arms in the form that compiled code needs: joints about or along their local z axis, and link hulls."""
 
 from collections import OrderedDict
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -11,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from hmap_core.collision.convex import bounding_sphere, hull_vertices
 from hmap_core.collision.edges import hull_edges
 from hmap_core.exceptions import Code, InputError
-from hmap_core.kinematics.fingers import Linkage, LinkageStep, Slide, closed, finger_motion, steps_frame
+from hmap_core.kinematics.fingers import Linkage, LinkageStep, SlidingFinger, closed_opening, finger_motion, steps_frame
 from hmap_core.kinematics.simplify import simplify_hull
 from hmap_core.kinematics.tree import forward, forward_last
 from hmap_core.kinematics.urdf import Urdf, load_urdf
@@ -19,42 +20,50 @@ from hmap_core.scenes.urdf import MOVING, UrdfJoint
 from hmap_core.transforms import apply, from_matrix, multiply, quaternions, to_matrix
 from hmap_core.types import AttachedBody, Gripper, RobotModel
 
-LINK_TOLERANCE = 0.0012  # m a simplified link hull may stick out of the true one
-FINGER_TOLERANCE = 0.00005  # m, for the parts that touch objects
-SPAN_POSTURES, SPAN_KEPT = 2048, 16  # looked at in each round for the span of an arm, and gone on from
-SPAN_CHANGES = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.0)  # of the joints' ranges, in each round
-SPAN_TOLERANCE = 0.002  # m
-WIDENING = 0.05  # share by which the gap between the fingers may grow otherwise than the opening
-ARMS_KEPT = 64  # arms with something in the hand that are remembered
+LINK_TOLERANCE = 0.0012  # m, largest excess of a simplified link hull over the true one
+FINGER_TOLERANCE = 0.00005  # m, the same for links that touch objects
+SPAN_SAMPLES, SPAN_KEPT = 2048, 16  # configurations evaluated and kept in each round of the search for an arm's span
+SPAN_STEPS = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.0)  # step size of each round, relative to the joint ranges
+SPAN_TOLERANCE = 0.002  # m, added for the error of the search
+WIDENING_TOLERANCE = 0.05  # relative difference between the changes of finger gap and opening
+MAX_CACHED = 64  # number of arms with attached bodies in the cache
 
 
 @dataclass(frozen=True)
 class LinkHull:
-    """A convex piece of a link: swept hull in the frame that carries it (0 = base, i = after joint i).
+    """A convex part of a link.
 
-    ``motion`` is how it moves in that frame with the opening of the gripper; None: not at all.
+    Attributes:
+        link: name of the link.
+        frame: index of the frame that carries it: 0 for the base, i for the frame after joint i.
+        vertices: (n, 3) in that frame, m.
+        radius: of the sphere that sweeps the hull of the vertices, m.
+        motion: its motion in that frame with the opening of the gripper; None if it has none.
+        finger: whether it belongs to a finger, or to an attached body.
+        sphere: centre (3,) and radius of a bounding sphere with the gripper closed, m.
+        edges: of the hull, see :mod:`hmap_core.collision.edges`.
     """
 
     link: str
     frame: int
     vertices: np.ndarray
     radius: float
-    motion: Slide | Linkage | None
+    motion: SlidingFinger | Linkage | None
     finger: bool
-    sphere: tuple[np.ndarray, float]  # center (3,) and radius of a bounding sphere with the gripper closed
-    edges: np.ndarray  # of the hull, see hmap_core.collision.edges
+    sphere: tuple[np.ndarray, float]
+    edges: np.ndarray
 
     def sphere_at(self, opening: float) -> tuple[np.ndarray, float]:
-        """Bounding sphere with the gripper open by ``opening`` metres."""
+        """Bounding sphere, centre (3,) and radius, at an opening (m)."""
         center, radius = self.sphere
         return (center if self.motion is None else self.motion.moved(center, opening)), radius
 
     def at(self, opening: float) -> np.ndarray:
-        """Vertices (n, 3) with the gripper open by ``opening`` metres."""
+        """Vertices (n, 3) at an opening (m)."""
         return self.vertices if self.motion is None else self.motion.moved(self.vertices, opening)
 
     def extent(self, gripper: Gripper | None) -> float:
-        """Farthest that its points come from the origin of the frame that carries it, m."""
+        """Bound on the distance of its points from the origin of its frame over all openings, m."""
         if self.motion is None:
             return float(np.linalg.norm(self.vertices, axis=1).max() + self.radius)
         return self.motion.extent(self.vertices, self.radius, gripper)
@@ -62,15 +71,17 @@ class LinkHull:
 
 @dataclass(frozen=True)
 class Arm:
-    """A serial arm in its base frame.
+    """A serial arm with n joints, in its base frame.
 
     Attributes:
-        R_joint, p_joint: (n, 3, 3), (n, 3) fixed transform from the frame before to the frame of joint i at zero.
-        prismatic: (n,) 1 where the joint slides along z, 0 where it turns about z.
+        model: the robot model.
+        R_joint, p_joint: (n, 3, 3) and (n, 3) fixed transform from the previous frame to the frame of joint i at value
+            zero.
+        prismatic: (n,) 1 for a joint that slides along z, 0 for one that rotates about z.
         T_tip_ee: (4, 4) end-effector frame in the last frame.
-        hulls: convex pieces of all links.
+        hulls: convex parts of all links and of the attached body.
         self_pairs: (P, 2) indices of hulls that may collide with each other.
-        parent: (n,) frame each joint hangs on.
+        parent: (n,) index of the parent frame of each joint.
     """
 
     model: RobotModel
@@ -88,38 +99,45 @@ class Arm:
         return len(self.prismatic)
 
     def frames(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rotations (n + 1, 3, 3) and origins (n + 1, 3) of all frames in the base frame; 0 is the base."""
+        """Forward kinematics of all frames.
+
+        Args:
+            q: (n,) configuration, rad or m.
+
+        Returns:
+            Rotations (n + 1, 3, 3) and origins (n + 1, 3) in the base frame; index 0 is the base.
+        """
         R = np.empty((self.n + 1, 3, 3))
         p = np.empty((self.n + 1, 3))
         forward(np.ascontiguousarray(q, float), self.parent, self.R_joint, self.p_joint, self.prismatic, R, p)
         return R, p
 
     def end_effector(self, q: np.ndarray) -> np.ndarray:
-        """T_base_ee (7,) at configuration q (n,)."""
+        """Forward kinematics T_base_ee (7,) at a configuration q (n,)."""
         R, p = self.frames(q)
         T = np.eye(4)
         T[:3, :3], T[:3, 3] = R[-1], p[-1]
         return from_matrix(T @ self.T_tip_ee)
 
     def end_effectors(self, Q: np.ndarray) -> np.ndarray:
-        """T_base_ee (M, 7) at configurations Q (M, n)."""
+        """Forward kinematics T_base_ee (M, 7) at configurations Q (M, n)."""
         Q = np.ascontiguousarray(Q, float)
         R, p = forward_last(Q, self.parent, self.R_joint, self.p_joint, self.prismatic)
         R_ee, p_ee = self.T_tip_ee[:3, :3], self.T_tip_ee[:3, 3]
         return np.concatenate([p + R @ p_ee, quaternions(R @ R_ee)], axis=1)
 
     def reach(self) -> np.ndarray:
-        """Bound (n,) on the distance of any link point from each joint's axis; 1 for sliding joints."""
+        """Bound (n,) on the distance of all link points from each joint's axis, m; 1 for prismatic joints."""
         return self._reach.copy()
 
     @property
     def length(self) -> float:
-        """Bound on how far any of its points comes from the origin of its first joint, m."""
+        """Bound on the distance of all link points from the origin of the first joint, m."""
         return float(self._link_bound[0] + self.stroke[0])
 
     @property
     def stroke(self) -> np.ndarray:
-        """How far (n,) each joint slides at most, m."""
+        """Largest displacement (n,) of each prismatic joint, m; 0 for revolute joints."""
         return np.where(self.prismatic == 1, np.abs(self.model.position_limits).max(axis=0), 0.0)
 
     @cached_property
@@ -134,14 +152,18 @@ class Arm:
         return self._bound(extent)
 
     def speed(self, extent_at_tip: float) -> float:
-        """How much farther than :meth:`reach` says something may move that sticks out of the tip frame so far (m)."""
+        """Bound on the motion of a body at the tip, relative to the bound of :meth:`reach`; at least 1.
+
+        Args:
+            extent_at_tip: bound on the distance of the body's points from the origin of the tip frame, m.
+        """
         extent = np.zeros(self.n + 1)
         extent[-1] = extent_at_tip
         turning = self.prismatic == 0
         return float(max(1.0, (self._bound(extent)[turning] / self.reach()[turning]).max(initial=1.0)))
 
     def _bound(self, extent: np.ndarray) -> np.ndarray:
-        """Distance (n,) from each joint's axis of what sticks out of the frames by extent (n + 1,)."""
+        """Distance (n,) from each joint's axis of bodies that extend from the frames by extent (n + 1,), m."""
         bound, stroke = np.zeros(self.n), self.stroke
         for k in range(self.n - 1, -1, -1):
             further = bound[k + 1] + np.linalg.norm(self.p_joint[k + 1]) + stroke[k + 1] if k + 1 < self.n else 0.0
@@ -150,18 +172,18 @@ class Arm:
 
     @cached_property
     def span(self) -> float:
-        """Farthest that the last joint's origin comes from the first one's within the joint limits, m."""
+        """Largest distance of the last joint's origin from the first one's within the joint limits, m."""
         key = tuple(a.tobytes() for a in (self.R_joint, self.p_joint, self.prismatic, *self.model.position_limits))
-        if key not in _SPANS:  # what an arm holds does not change it
+        if key not in _SPANS:  # independent of attached bodies
             _SPANS[key] = _span(self)
         return _SPANS[key]
 
     def finger_vertices(self, opening: float) -> np.ndarray:
-        """All vertices (m, 3) of the finger links in the end-effector frame; empty without a gripper."""
+        """Vertices (m, 3) of the finger links at an opening (m), end-effector frame; empty without gripper."""
         return self._in_end_effector([hull.at(opening) for hull in self.hulls if hull.finger])
 
     def finger_gap(self, opening: float) -> float | None:
-        """Distance (m) of the fingers along the closing direction; None where not on both sides is one."""
+        """Distance (m) of the fingers along the closing direction at an opening (m); None if one side has no finger."""
         inner: dict[bool, list[float]] = {False: [], True: []}
         for hull in self.hulls:
             if hull.finger:
@@ -171,11 +193,15 @@ class Arm:
         return min(inner[True]) - max(inner[False]) if all(inner.values()) else None
 
     def tip_vertices(self) -> np.ndarray:
-        """All vertices (m, 3) of what hangs on the last joint, in the end-effector frame."""
+        """Vertices (m, 3) of all hulls on the last frame, in the end-effector frame."""
         return self._in_end_effector([hull.vertices for hull in self.hulls if hull.frame == self.n])
 
     def hand(self, opening: float) -> list[tuple[np.ndarray, float]]:
-        """Hulls (vertices (m, 3) in the end-effector frame, radius) on the last joint, the gripper open by so much."""
+        """The hulls on the last frame, at an opening (m).
+
+        Returns:
+            Vertices (m, 3) in the end-effector frame and sphere radius of each hull, m.
+        """
         own = [hull for hull in self.hulls if hull.frame == self.n]
         return [(self._in_end_effector([hull.at(opening)]), hull.radius) for hull in own]
 
@@ -187,21 +213,21 @@ class Arm:
 
 
 def _span(arm: Arm) -> float:
-    """:attr:`Arm.span`: the best of many configurations, and of ever smaller changes of the best of these."""
+    """Computes :attr:`Arm.span` by random search with decreasing step sizes."""
     rng = np.random.default_rng(0)
     lower, upper = arm.model.position_limits
-    Q = rng.uniform(lower, upper, (SPAN_POSTURES, arm.n))
-    for size in SPAN_CHANGES:
+    Q = rng.uniform(lower, upper, (SPAN_SAMPLES, arm.n))
+    for size in SPAN_STEPS:
         _, p = forward_last(Q, arm.parent, arm.R_joint, arm.p_joint, arm.prismatic)
         far = np.linalg.norm(p - arm.p_joint[0], axis=1)
         best = Q[np.argsort(-far)[:SPAN_KEPT]]
-        changes = size * (upper - lower) * rng.uniform(-1.0, 1.0, (SPAN_POSTURES // SPAN_KEPT, SPAN_KEPT, arm.n))
+        changes = size * (upper - lower) * rng.uniform(-1.0, 1.0, (SPAN_SAMPLES // SPAN_KEPT, SPAN_KEPT, arm.n))
         Q = np.concatenate([best, np.clip(best + changes, lower, upper).reshape(-1, arm.n)])
     return float(far.max()) + SPAN_TOLERANCE
 
 
 def _align_z(axis: np.ndarray) -> np.ndarray:
-    """A rotation (4, 4) that takes z to the unit axis (3,)."""
+    """A rotation (4, 4) that maps z to the unit vector ``axis`` (3,)."""
     matrix = np.eye(4)
     if axis[2] < 1.0 - 1e-12:
         matrix[:3, :3] = Rotation.align_vectors([axis], [[0, 0, 1]])[0].as_matrix()
@@ -209,16 +235,26 @@ def _align_z(axis: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class _Hanging:
-    """Where a link hangs: the frame that carries it, the link's frame in there (4, 4), closed; and how it moves."""
+class _LinkMount:
+    """Mounting of a link.
+
+    Attributes:
+        frame: index of the frame that carries the link.
+        T: (4, 4) link frame in that frame, with the gripper closed.
+        motion: motion with the opening of the gripper; None if there is none.
+    """
 
     frame: int
     T: np.ndarray
-    motion: Slide | Linkage | None
+    motion: SlidingFinger | Linkage | None
 
 
-def _link_frames(urdf: Urdf, model: RobotModel) -> tuple[dict[str, _Hanging], list[np.ndarray]]:
-    """Where each link hangs, and the joints' fixed parts."""
+def _link_frames(urdf: Urdf, model: RobotModel) -> tuple[dict[str, _LinkMount], list[np.ndarray]]:
+    """Mounting of each link, and fixed transform (4, 4) of each joint.
+
+    Raises:
+        InputError: INVALID_SCENE; the URDF does not match the names or the order of the joints of the model.
+    """
     for name in model.joint_names:
         if name not in urdf.tree.by_name:
             known = ", ".join(j.name for j in urdf.tree.by_name.values() if j.kind in MOVING)
@@ -250,7 +286,7 @@ def _link_frames(urdf: Urdf, model: RobotModel) -> tuple[dict[str, _Hanging], li
             elif (step := _step(urdf, model.gripper, joint, T)) is not None:
                 own.append(step)
                 T = np.eye(4)
-        placed[link] = _hanging(model.gripper, frame, own, T)
+        placed[link] = _mount(model.gripper, frame, own, T)
     missing = [name for name in model.joint_names if name not in fixed]
     if missing:
         raise InputError(f"robot '{model.name}': joints {missing} carry no link", Code.INVALID_SCENE)
@@ -258,7 +294,7 @@ def _link_frames(urdf: Urdf, model: RobotModel) -> tuple[dict[str, _Hanging], li
 
 
 def _step(urdf: Urdf, gripper: Gripper | None, joint: UrdfJoint, T: np.ndarray) -> LinkageStep | None:
-    """A joint that moves with the gripper, behind a fixed transform (4, 4); None for any other."""
+    """A joint that moves with the gripper, after a fixed transform T (4, 4); None for any other joint."""
     if gripper is None:
         return None
     if joint.name in gripper.joint_names:
@@ -269,14 +305,14 @@ def _step(urdf: Urdf, gripper: Gripper | None, joint: UrdfJoint, T: np.ndarray) 
     return LinkageStep(T, joint, gripper.joint_names.index(name), factor, offset)
 
 
-def _hanging(gripper: Gripper | None, frame: int, steps: list[LinkageStep], T: np.ndarray) -> _Hanging:
-    """A link behind some joints of the gripper, and a fixed transform (4, 4) behind these."""
+def _mount(gripper: Gripper | None, frame: int, steps: list[LinkageStep], T: np.ndarray) -> _LinkMount:
+    """Mounting of a link after some gripper joints and a fixed transform T (4, 4)."""
     if not steps:
-        return _Hanging(frame, T, None)
-    return _Hanging(frame, steps_frame(gripper, steps, closed(gripper)) @ T, finger_motion(gripper, steps))
+        return _LinkMount(frame, T, None)
+    return _LinkMount(frame, steps_frame(gripper, steps, closed_opening(gripper)) @ T, finger_motion(gripper, steps))
 
 
-def _self_pairs(hulls: list[LinkHull], ignored) -> np.ndarray:
+def _self_pairs(hulls: list[LinkHull], ignored: Iterable[tuple[str, str]]) -> np.ndarray:
     ignored = {frozenset(pair) for pair in ignored}
     pairs = [
         (i, j)
@@ -287,10 +323,16 @@ def _self_pairs(hulls: list[LinkHull], ignored) -> np.ndarray:
 
 
 def build_arm(model: RobotModel) -> Arm:
-    """Reads the model's URDF into an :class:`Arm`.
+    """Builds an arm from a robot model and its URDF.
+
+    Args:
+        model: the robot model; its attached body is ignored.
+
+    Returns:
+        The arm.
 
     Raises:
-        InputError: the URDF does not have the joints or links that the model names.
+        InputError: INVALID_SCENE; the URDF cannot be read or does not match the model.
     """
     urdf = load_urdf(model.urdf)
     placed, fixed = _link_frames(urdf, model)
@@ -328,17 +370,17 @@ def build_arm(model: RobotModel) -> Arm:
 
 
 def _check_widening(arm: Arm) -> None:
-    """The gap between the fingers grows as the opening does; not looked at where no finger is on one of the sides.
+    """Checks that the gap between the fingers grows like the opening; omitted if one side has no finger.
 
     Raises:
-        InputError: INVALID_SCENE; it does not.
+        InputError: INVALID_SCENE; the gap grows differently.
     """
     gripper = arm.model.gripper
     if gripper is None:
         return
     ends = np.array([gripper.min_opening, gripper.open_opening])
     gaps = [arm.finger_gap(opening) for opening in ends]
-    if None not in gaps and abs(np.ptp(gaps) / np.ptp(ends) - 1.0) > WIDENING:
+    if None not in gaps and abs(np.ptp(gaps) / np.ptp(ends) - 1.0) > WIDENING_TOLERANCE:
         raise InputError(
             f"robot '{arm.model.name}': from gripper.min_opening to open_opening, {np.ptp(ends):.4f} m, the gap of "
             f"finger_links grows by {gaps[1] - gaps[0]:.4f} m in the URDF; it has to be the same, see per_joint",
@@ -346,23 +388,30 @@ def _check_widening(arm: Arm) -> None:
         )
 
 
-def holding(arm: Arm, held: AttachedBody) -> Arm:
-    """The arm with its fingers closed on a body, which touches in their place.
+def with_attached(arm: Arm, body: AttachedBody) -> Arm:
+    """The arm with a body attached to its gripper.
 
-    The body's shapes are its finger hulls; the fingers are links of the hand like any other.
+    The hulls of the body replace the fingers as the links that touch objects.
+
+    Args:
+        arm: without attached body.
+        body: the body.
+
+    Returns:
+        The new arm, with fixed fingers.
     """
-    n, opening = arm.n, held.opening
+    n, opening = arm.n, body.opening
     hulls = [
         replace(h, vertices=h.at(opening), motion=None, sphere=h.sphere_at(opening), finger=False) for h in arm.hulls
     ]
-    T = multiply(from_matrix(arm.T_tip_ee), held.T_ee_body)
+    T = multiply(from_matrix(arm.T_tip_ee), body.T_ee_body)
     own = []
-    for shape in held.shapes:
+    for shape in body.shapes:
         points, radius = hull_vertices(shape)
         vertices = np.ascontiguousarray(apply(T, points))
         center = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
         sphere = (center, np.linalg.norm(vertices - center, axis=1).max() + radius)
-        own.append(LinkHull(held.name, n, vertices, radius, None, True, sphere, hull_edges(vertices)))
+        own.append(LinkHull(body.name, n, vertices, radius, None, True, sphere, hull_edges(vertices)))
     links = [i for i, hull in enumerate(hulls) if hull.frame < n]
     pairs = [(i, len(hulls) + k) for i in links for k in range(len(own))]
     self_pairs = np.concatenate([arm.self_pairs, np.array(pairs, np.int64).reshape(-1, 2)])
@@ -371,23 +420,27 @@ def holding(arm: Arm, held: AttachedBody) -> Arm:
 
 _ARMS: dict[tuple, Arm] = {}
 _SPANS: dict[tuple, float] = {}
-_HOLDING: OrderedDict[tuple, Arm] = OrderedDict()  # the last ARMS_KEPT of the arms that hold something
+_ATTACHED: OrderedDict[tuple, Arm] = OrderedDict()  # the last MAX_CACHED arms with attached bodies
 
 
 def load_arm(model: RobotModel) -> Arm:
-    """The arm of a model, built once per (name, URDF file, joints, ignored pairs), with what it holds."""
-    gripper, held = model.gripper, model.attached
+    """The arm of a robot model with its attached body, from a cache.
+
+    Raises:
+        InputError: INVALID_SCENE; the URDF cannot be read or does not match the model.
+    """
+    gripper, body = model.gripper, model.attached
     key = (model.name, model.urdf, model.joint_names, model.ignored_collisions, model.end_effector_link)
     key += (model.T_link_ee.tobytes(), gripper)
     if key not in _ARMS:
         _ARMS[key] = build_arm(model)
-    if held is None:
+    if body is None:
         return _ARMS[key]
     bare = _ARMS[key]
-    key += (held.name, held.T_ee_body.tobytes(), held.opening)
-    key += tuple((s.kind, s.size, s.pose.tobytes(), s.mesh) for s in held.shapes)
-    if key not in _HOLDING:
-        _HOLDING[key] = holding(bare, held)
-        if len(_HOLDING) > ARMS_KEPT:
-            _HOLDING.popitem(last=False)
-    return _HOLDING[key]
+    key += (body.name, body.T_ee_body.tobytes(), body.opening)
+    key += tuple((s.kind, s.size, s.pose.tobytes(), s.mesh) for s in body.shapes)
+    if key not in _ATTACHED:
+        _ATTACHED[key] = with_attached(bare, body)
+        if len(_ATTACHED) > MAX_CACHED:
+            _ATTACHED.popitem(last=False)
+    return _ATTACHED[key]

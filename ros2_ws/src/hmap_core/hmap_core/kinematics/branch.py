@@ -1,4 +1,4 @@
-"""One serial chain of joints in the world: what a kinematic model is put together from."""
+"""A serial chain of joints with its base in the world; kinematic models consist of such branches."""
 
 from dataclasses import dataclass
 
@@ -7,15 +7,15 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Branch:
-    """Joints in their order, from the world to the tip.
+    """A serial chain of n joints, ordered from the world to the tip.
 
     Attributes:
-        R_joint, p_joint: (n, 3, 3), (n, 3) fixed transform from the frame before to the joint at zero; the first from
-            the world.
-        prismatic: (n,) 1 where the joint slides along its z axis, 0 where it turns about it.
+        R_joint, p_joint: (n, 3, 3) and (n, 3) fixed transform from the previous frame to the joint frame at value zero;
+            for the first joint from the world.
+        prismatic: (n,) 1 for a joint that slides along its z axis, 0 for one that rotates about it.
         lower, upper: (n,) limits, rad or m.
-        reach: (n,) no point moved by a joint is farther than this from its axis, m; 1 for sliding joints.
-        T_tip_end: (7,) what the branch ends with, in its last frame: an end-effector, or a body.
+        reach: (n,) bound on the distance of the points that a joint moves from its axis, m; 1 for prismatic joints.
+        T_tip_end: (7,) pose of the end (an end effector or a body) in the last frame.
     """
 
     R_joint: np.ndarray

@@ -1,4 +1,4 @@
-"""A body that moves by itself, as a chain of joints: so that an object can be a variable of its own."""
+"""A free body as a chain of virtual joints, so that an object's pose can be a variable of the optimisation."""
 
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -11,54 +11,62 @@ from hmap_core.exceptions import Code, InputError
 from hmap_core.kinematics.branch import Branch
 from hmap_core.transforms import IDENTITY, from_matrix, inverse, multiply, rotation_matrix, to_matrix
 
-OFF_PLANE = 1e-6  # m and, for unit vectors, 1: how far a planar body's pose may be from its plane
-MAX_PITCH = np.radians(80.0)  # rad: the three turns of a spatial body are singular at 90 degrees
-MAX_TURN = 2.0 * np.pi  # rad either way, of the other turns
+PLANE_TOLERANCE = 1e-6  # m or, for unit vectors, 1; largest deviation of a planar body's pose from its plane
+MAX_PITCH = np.radians(80.0)  # rad; the rotation of a spatial body is singular at a pitch of 90 degrees
+MAX_TURN = 2.0 * np.pi  # rad in each direction, limit of the other rotations
 
 
 class Freedom(StrEnum):
-    """How a free body moves."""
+    """The degrees of freedom of a free body."""
 
-    PLANAR = "planar"  # x, y along, and a turn about z of its reference
-    SPATIAL = "spatial"  # x, y, z along its reference, then turns about the body's x, y and z
+    PLANAR = "planar"  # translation along x and y of the reference, rotation about its z
+    SPATIAL = "spatial"  # translation along x, y, z of the reference, then rotation about the body's x, y and z
 
 
-# Per freedom, the axes along which it slides and about which it turns, in this order; 0, 1, 2 are x, y, z. The last is
-# z, which is the axis of every joint in its own frame, so the last frame is the body's.
+# The axes of translation and of rotation, in the order of the joints; 0, 1, 2 are x, y, z. The last axis is z, which is
+# the axis of every joint in its own frame, so the last frame is the frame of the body.
 _SLIDES = {Freedom.PLANAR: (0, 1), Freedom.SPATIAL: (0, 1, 2)}
 _TURNS = {Freedom.PLANAR: (2,), Freedom.SPATIAL: (0, 1, 2)}
-_PITCH = 4  # number of the joint of a spatial body that must stay away from a quarter turn
+_PITCH = 4  # index of the pitch joint of a spatial body
 
 
 def _z_along(axis: int) -> np.ndarray:
-    """A rotation (3, 3) that takes z to x, y or z."""
+    """A rotation (3, 3) that maps z to x, y or z (axis 0, 1 or 2)."""
     return np.roll(np.eye(3), 2 - axis, axis=1)
 
 
 def extent_of(shapes: ConvexSet, T_tip_body: np.ndarray = IDENTITY) -> float:
-    """Radius (m) round the tip's origin of a ball that holds shapes given in the body frame."""
+    """Radius of a ball about the tip's origin that contains a set of shapes.
+
+    Args:
+        shapes: the shapes, in the body frame.
+        T_tip_body: (7,) pose of the body in the tip frame.
+
+    Returns:
+        The radius, m.
+    """
     centers = to_matrix(T_tip_body)[:3, :3] @ shapes.center.T + T_tip_body[:3, None]
     return float((np.linalg.norm(centers, axis=0) + shapes.bound).max(initial=0.0))
 
 
 @dataclass(frozen=True)
 class FreeBody:
-    """An object as a serial chain of joints without mass or motor.
+    """An object as a serial chain of virtual joints.
 
-    A planar body has the coordinates (x, y, yaw), a spatial one (x, y, z, roll, pitch, yaw) with the rotation
-    R_x(roll) R_y(pitch) R_z(yaw): zero at the reference, singular a quarter turn of pitch away from it. So a reference
-    near the poses that are expected is far from the singularity.
+    A planar body has the coordinates (x, y, yaw), a spatial body (x, y, z, roll, pitch, yaw) with the rotation
+    R_x(roll) R_y(pitch) R_z(yaw), which is singular at a pitch of 90 degrees. A reference
+    near the expected poses keeps clear of the singularity.
 
     Attributes:
         name: of the object.
         freedom: planar or spatial.
-        T_world_reference: (7,) where the tip is when all coordinates are zero; a planar body moves in its x-y plane.
+        T_world_reference: (7,) pose of the tip at zero coordinates; a planar body moves in the x-y plane of this frame.
         lower, upper: (2,) or (3,) bounds of the position in the reference frame, m.
-        extent: no point of the body is farther than this from the tip's origin, m; see :func:`extent_of`.
-        T_tip_body: (7,) the body's frame in the last one, such as how it rests on the plane.
+        extent: bound on the distance of the body's points from the tip's origin, m; see :func:`extent_of`.
+        T_tip_body: (7,) pose of the body in the tip frame, such as its resting pose on the plane.
 
     Raises:
-        InputError: bounds of the wrong length or order, or a negative extent.
+        InputError: bounds of wrong length or order, or a negative extent.
     """
 
     name: str
@@ -87,7 +95,7 @@ class FreeBody:
         return len(_SLIDES[self.freedom]) + len(_TURNS[self.freedom])
 
     def branch(self) -> Branch:
-        """Its joints as a :class:`KinematicModel` takes them."""
+        """The virtual joints, as :class:`KinematicModel` expects them."""
         axes = [_z_along(axis) for axis in _SLIDES[self.freedom] + _TURNS[self.freedom]]
         base = to_matrix(self.T_world_reference)
         R = np.array([before.T @ after for before, after in zip([np.eye(3), *axes], axes, strict=False)])
@@ -103,7 +111,7 @@ class FreeBody:
         return Branch(R, p, prismatic, np.r_[self.lower, -turn], np.r_[self.upper, turn], reach, self.T_tip_body)
 
     def pose(self, q: np.ndarray) -> np.ndarray:
-        """T_world_body (7,) at the coordinates q (n,)."""
+        """Pose T_world_body (7,) at coordinates q (n,)."""
         slides = len(_SLIDES[self.freedom])
         matrix = np.eye(4)
         matrix[:slides, 3] = q[:slides]
@@ -112,16 +120,22 @@ class FreeBody:
         return multiply(self.T_world_reference, multiply(from_matrix(matrix), self.T_tip_body))
 
     def coordinates(self, T_world_body: np.ndarray) -> np.ndarray:
-        """Coordinates (n,) at which the body is at a pose (7,); the turns are within half a turn.
+        """Coordinates of a pose; inverse of :meth:`pose`.
+
+        Args:
+            T_world_body: (7,).
+
+        Returns:
+            (n,), with angles in [-pi, pi].
 
         Raises:
-            InputError: a planar body would have to leave its plane.
+            InputError: the pose of a planar body is outside its plane.
         """
         T = multiply(inverse(self.T_world_reference), multiply(T_world_body, inverse(self.T_tip_body)))
         if self.freedom == Freedom.SPATIAL:
             return np.r_[T[:3], Rotation.from_quat(T[3:]).as_euler("XYZ")]
         matrix = rotation_matrix(T)
         off = max(abs(T[2]), np.abs(matrix[:2, 2]).max(), 1.0 - matrix[2, 2])
-        if off > OFF_PLANE:
-            raise InputError(f"free body '{self.name}' is {off:.2g} off its plane; allowed: {OFF_PLANE:g}")
+        if off > PLANE_TOLERANCE:
+            raise InputError(f"free body '{self.name}' is {off:.2g} off its plane; allowed: {PLANE_TOLERANCE:g}")
         return np.r_[T[:2], np.arctan2(matrix[1, 0], matrix[0, 0])]

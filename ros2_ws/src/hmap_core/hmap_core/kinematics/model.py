@@ -1,4 +1,4 @@
-"""Arms and free bodies in the world as one chain of joints: the variables of an optimisation problem."""
+"""Kinematic model of an optimisation problem: arms and free bodies as one set of joints."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,19 +12,19 @@ from hmap_core.kinematics.chain import Chain
 from hmap_core.kinematics.free_body import FreeBody
 from hmap_core.transforms import from_matrix, to_matrix
 
-LIMIT_MARGIN = 0.02  # rad or m kept from the joint limits, for the curve between the steps of a path
+LIMIT_MARGIN = 0.02  # rad or m, distance from the joint limits, for the curve between the steps of a path
 
 
 @dataclass(frozen=True)
 class PlacedArm:
-    """An arm with its base in the world."""
+    """An arm at a base pose in the world."""
 
     name: str
     arm: Arm
     T_world_base: np.ndarray  # (7,)
 
     def branch(self) -> Branch:
-        """Its joints as a :class:`KinematicModel` takes them, LIMIT_MARGIN within their limits."""
+        """The joints of the arm as :class:`KinematicModel` expects them, with limits reduced by LIMIT_MARGIN."""
         base = to_matrix(self.T_world_base)
         R, p = self.arm.R_joint.copy(), self.arm.p_joint.copy()
         R[0], p[0] = base[:3, :3] @ R[0], base[:3, :3] @ p[0] + base[:3, 3]
@@ -36,21 +36,21 @@ class PlacedArm:
 
 
 class KinematicModel:
-    """Arms and free bodies side by side.
+    """Joint space of several arms and free bodies.
 
-    Frame 0 is the world, the joints of all are numbered through in the order given, frame i + 1 follows joint i.
+    Frame 0 is the world. The joints are numbered consecutively in the order of the parts; frame i + 1 follows joint i.
 
     Args:
         parts: arms and free bodies, at least one.
 
     Attributes:
         arms, bodies: the arms and the free bodies by name.
-        offset: first joint of each, by name.
+        offset: name -> index of its first joint.
         n: number of joints.
-        chain: the joints as the compiled code takes them.
+        chain: the joints in the form that compiled code needs.
 
     Raises:
-        InputError: no part, or two of one name.
+        InputError: INVALID_SCENE; no part, or two parts with the same name.
     """
 
     def __init__(self, parts: Sequence[PlacedArm | FreeBody]):
@@ -77,18 +77,23 @@ class KinematicModel:
         )  # fmt: skip
 
     def joints(self, name: str) -> slice:
-        """Where the joints of an arm or the coordinates of a free body are in a configuration."""
+        """The joints of an arm, or the coordinates of a free body, as a slice of a configuration (n,)."""
         begin = self.offset[name]
         return slice(begin, begin + len(self._branches[name].prismatic))
 
     def frame(self, name: str, local: int) -> int:
-        """Number of a part's own frame (0 = its base, which is fixed in the world)."""
+        """Index of a part's frame.
+
+        Args:
+            name: of the part.
+            local: index of the frame within the part; 0 is its base, which is the world frame.
+        """
         return 0 if local == 0 else self.offset[name] + local
 
     def tip(self, name: str) -> int:
-        """Frame after the last joint of a part."""
+        """Index of the frame after the last joint of a part."""
         return self.joints(name).stop
 
     def T_tip_ee(self, name: str) -> np.ndarray:
-        """What a part ends with, (7,) in the tip frame: an arm's end-effector, or a free body."""
+        """Pose (7,) of a part's end in the tip frame: of an arm's end effector, or of a free body."""
         return self._branches[name].T_tip_end

@@ -1,4 +1,4 @@
-"""Fewer vertices for a hull, never less volume: an inner hull swept by the small sphere that it lacks."""
+"""Reduces the number of vertices of a convex hull without losing volume, by an inner hull swept by a small sphere."""
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
@@ -7,11 +7,18 @@ from hmap_core.collision.gjk import signed_distance
 
 
 def simplify_hull(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
-    """Vertices (m, 3) and a radius whose swept hull contains the hull of points (n, 3).
+    """Approximates a convex hull from outside by a swept hull with fewer vertices.
 
-    Greedy: the vertex that sticks out of the present inner hull the most is added until none is more than ``tolerance``
-    (m) beyond any of its planes. The radius is then the exact distance of the farthest point left out, so the result is
-    nowhere more than that radius outside of the true hull.
+    The algorithm is greedy: it adds the vertex that is farthest outside the current inner hull until no vertex is more
+    than ``tolerance`` beyond any face. The radius is the exact distance of the farthest omitted vertex, so the result
+    exceeds the true hull by at most the radius.
+
+    Args:
+        points: (n, 3), m.
+        tolerance: m.
+
+    Returns:
+        Vertices (m, 3) and the radius of the sweeping sphere, m; the points and 0 if they span no volume.
     """
     try:
         points = points[ConvexHull(points).vertices]
@@ -34,7 +41,7 @@ def simplify_hull(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, flo
 
 
 def _outside_distance(points: np.ndarray, inner: np.ndarray) -> float:
-    """Largest distance in metres of points (n, 3) from the hull of inner (m, 3)."""
+    """Largest distance of points (n, 3) from the hull of ``inner`` (m, 3), m."""
     witness, eye, origin = np.zeros((3, 3)), np.eye(3), np.zeros(3)
     inner = np.ascontiguousarray(inner)
     return max(

@@ -1,4 +1,4 @@
-"""The part of a URDF that planning needs: joints, and the collision geometry of each link as convex hulls."""
+"""Joints of a URDF, and the collision geometry of its links as convex hulls."""
 
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
@@ -15,13 +15,19 @@ from hmap_core.types import Shape, ShapeKind
 
 @dataclass(frozen=True)
 class Urdf:
-    """The joints, and hulls (vertices (n, 3), radius) by link, in the link frame."""
+    """A robot description.
+
+    Attributes:
+        tree: the joints.
+        hulls: link name -> convex hulls in the link frame, as vertices (n, 3) with the radius of the sweeping sphere,
+            m.
+    """
 
     tree: JointTree
     hulls: dict[str, list[tuple[np.ndarray, float]]]
 
 
-def _shape(file: Path, collision) -> Shape:
+def _shape(file: Path, collision: ElementTree.Element) -> Shape:
     geometry = collision.find("geometry")[0]
     pose = origin(collision)
     if geometry.tag == "box":
@@ -43,8 +49,14 @@ def _shape(file: Path, collision) -> Shape:
 def load_urdf(file: Path) -> Urdf:
     """Reads a URDF.
 
+    Args:
+        file: its path.
+
+    Returns:
+        The robot description, from a cache.
+
     Raises:
-        InputError: the file is missing, is not XML, or names geometry that is not known.
+        InputError: INVALID_SCENE; the file is missing, is no XML, or contains unknown geometry.
     """
     try:
         root = ElementTree.parse(file).getroot()

@@ -1,4 +1,4 @@
-"""Scenes, tasks and robots as data: YAML with a strict schema, randomised with a seed. See ``docs/scenes.md``."""
+"""Scenes, tasks and robots as data: YAML files with a strict schema, randomised by a seed. See ``docs/scenes.md``."""
 
 from hmap_core.scenes.bodies import list_objects
 from hmap_core.scenes.builder import SceneBuilder

@@ -1,4 +1,4 @@
-"""Writes the JSON Schemas of the scene files anew."""
+"""Writes the JSON Schemas of the scene files."""
 
 from hmap_core.scenes.json_schema import export_json_schema
 

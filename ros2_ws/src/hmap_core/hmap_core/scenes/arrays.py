@@ -1,4 +1,4 @@
-"""Arrays in JSON documents: checked for shape and finiteness, rounded when written."""
+"""Arrays in JSON documents: validated when read, rounded when written."""
 
 from typing import Annotated, Any
 
@@ -7,15 +7,15 @@ from pydantic import PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 DECIMALS = 9  # metres, radians and seconds are written to 1e-9, so that differences of 1e-7 survive
-QUATERNION_TOLERANCE = 1e-3  # how far the norm of a quaternion may be from 1
-QUATERNION_EXACT = 1e-8  # nearer than this to 1, as rounding leaves it, it is taken as it is
+QUATERNION_TOLERANCE = 1e-3  # largest deviation of a quaternion's norm from 1
+QUATERNION_EXACT = 1e-8  # deviation due to rounding, below which a quaternion is not normalised
 
-# the dimensions of an array; None: any number
+# the dimensions of an array; None stands for any length
 Dimensions = tuple[int | None, ...]
 
 
-def listed(array: np.ndarray) -> list:
-    """An array as nested lists of rounded floats."""
+def to_lists(array: np.ndarray) -> list:
+    """Converts an array to nested lists of rounded floats."""
     return np.round(np.asarray(array, float), DECIMALS).tolist()
 
 
@@ -41,7 +41,7 @@ def _read(value: Any, dimensions: Dimensions) -> np.ndarray:
 
 def _poses(value: Any, dimensions: Dimensions) -> np.ndarray:
     array = _read(value, dimensions)
-    with np.errstate(over="ignore"):  # an infinite norm is refused below
+    with np.errstate(over="ignore"):  # an infinite norm is rejected below
         norm = np.linalg.norm(array[..., 3:], axis=-1, keepdims=True)
     if array.size and np.abs(norm - 1.0).max() > QUATERNION_TOLERANCE:
         worst = float(norm.flat[np.abs(norm - 1.0).argmax()])
@@ -62,12 +62,20 @@ def _schema(dimensions: Dimensions) -> dict:
 
 
 def array_of(*dimensions: int | None) -> Any:
-    """Type of a field that holds finite numbers of these dimensions."""
+    """Type of a pydantic field for an array of finite numbers.
+
+    Args:
+        dimensions: the shape; None stands for any length.
+    """
     return Annotated[np.ndarray, PlainValidator(lambda v: _read(v, dimensions)), WithJsonSchema(_schema(dimensions))]
 
 
 def poses_of(*dimensions: int | None) -> Any:
-    """Type of a field that holds poses, xyz and a unit quaternion xyzw, in an array of dimensions (..., 7)."""
+    """Type of a pydantic field for an array of poses: xyz and a unit quaternion xyzw.
+
+    Args:
+        dimensions: the shape of the array of poses, without the last dimension 7; None stands for any length.
+    """
     full = (*dimensions, 7)
     return Annotated[np.ndarray, PlainValidator(lambda v: _poses(v, full)), WithJsonSchema(_schema(full))]
 

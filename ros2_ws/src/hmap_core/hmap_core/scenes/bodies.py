@@ -1,4 +1,4 @@
-"""Bodies of a scene from their entries in a task and the reusable objects these refer to."""
+"""Builds the bodies of a scene from their entries in a task file and from reusable object files."""
 
 from pathlib import Path
 
@@ -7,14 +7,14 @@ import numpy as np
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes import meshes, resources
 from hmap_core.scenes.document import Document, Location, read
-from hmap_core.scenes.fields import nearest
+from hmap_core.scenes.fields import did_you_mean
 from hmap_core.scenes.parameters import draw
 from hmap_core.scenes.schema import BodyEntry, Geometry, ObjectFile, Part
 from hmap_core.scenes.validate import validate
 from hmap_core.types import Body, BodyKind, Shape, ShapeKind
 
 DEFAULT_FRICTION = 0.6  # lateral Coulomb coefficient of wood or plastic on a table
-MIN_MASS = 1e-3  # kg, of what may move; less is a slip of the unit, and simulation becomes unstable
+MIN_MASS = 1e-3  # kg, of a movable body; a smaller one is probably a wrong unit and makes the simulation unstable
 UNIT_SCALE = (1.0, 1.0, 1.0)
 
 
@@ -24,10 +24,21 @@ def list_objects() -> list[str]:
 
 
 def build_body(document: Document, location: Location, name: str, kind: BodyKind, entry: BodyEntry, seed: int) -> Body:
-    """The body ``name`` that ``entry``, at ``location`` in the task, describes.
+    """Builds a body.
+
+    Args:
+        document: the task file.
+        location: location of the entry in the task file.
+        name: of the body.
+        kind: of the body.
+        entry: the entry.
+        seed: seed of the randomised parameters of an object file.
+
+    Returns:
+        The body.
 
     Raises:
-        InputError: UNKNOWN_OBJECT or INVALID_SCENE.
+        InputError: UNKNOWN_OBJECT, INVALID_SCENE or INVALID_POSE; the reason names the file, line, key and value.
     """
     source: Geometry = entry
     source_document, source_location = document, location
@@ -58,7 +69,7 @@ def build_body(document: Document, location: Location, name: str, kind: BodyKind
 def _object(
     document: Document, location: Location, name: str, entry: BodyEntry, seed: int
 ) -> tuple[Document, ObjectFile]:
-    """The reusable object that ``entry`` names, with its parameters filled in."""
+    """Reads the object file that ``entry`` names and draws its parameters."""
     path = _object_path(document, location, entry.object or "")
     source = read(path)
     declared = source.data.get("parameters") or {}
@@ -68,7 +79,7 @@ def _object(
             known = ", ".join(declared) or "none"
             raise document.error(
                 (*location[:-1], "with", key),
-                f"the object {entry.object!r} has no such parameter.{nearest(key, list(declared))} Known: {known}",
+                f"the object {entry.object!r} has no such parameter.{did_you_mean(key, list(declared))} Known: {known}",
             )
     try:
         return source, validate(ObjectFile, source, draw(source, seed, scope=name, given=given))
@@ -84,7 +95,7 @@ def _object_path(document: Document, location: Location, name: str) -> Path:
             raise document.error(location, error.reason, Code.UNKNOWN_OBJECT) from error
     known = list_objects()
     if name not in known:
-        problem = f"unknown object.{nearest(name, known)} Known: {', '.join(known)}, or the path of a .yaml file"
+        problem = f"unknown object.{did_you_mean(name, known)} Known: {', '.join(known)}, or the path of a .yaml file"
         raise document.error(location, problem, Code.UNKNOWN_OBJECT)
     return resources.package_path("hmap_scenes") / "objects" / f"{name}.yaml"
 

@@ -1,7 +1,8 @@
 """Splits a concave mesh into convex parts: ``python -m hmap_core.scenes.decompose cup.obj``.
 
-Done once, by hand, and not when a scene is loaded: the parts are files that can be looked at and shared, and loading
-stays fast and repeatable. It prints the ``parts`` for a scene file.
+The decomposition (CoACD: Wei et al. 2022) is run once, by hand, and not when a scene is loaded. The parts are files
+that can be inspected and shared, and loading stays fast and reproducible. The command prints the ``parts`` entry for a
+scene file.
 """
 
 import argparse
@@ -15,16 +16,23 @@ import trimesh
 from hmap_core.exceptions import HmapError
 from hmap_core.scenes import meshes
 
-CONCAVITY = 0.05  # share of the mesh's size by which a part may differ from its hull
+CONCAVITY = 0.05  # largest deviation of a part from its hull, relative to the size of the mesh
 MIN_CONCAVITY = 0.01
 SEED = 0
 
 
 def decompose(path: Path, concavity: float = CONCAVITY) -> list[Path]:
-    """Writes the convex parts of a mesh beside it, as ``<name>_part<i>.obj``, and returns their paths.
+    """Writes the convex parts of a mesh next to it, as ``<name>_part<i>.obj``.
+
+    Args:
+        path: the mesh file.
+        concavity: largest deviation of a part from its convex hull, relative to the size of the mesh.
+
+    Returns:
+        Paths of the parts.
 
     Raises:
-        InputError: the mesh cannot be read.
+        InputError: INVALID_SCENE; the mesh cannot be read.
     """
     mesh = meshes.read_mesh(path)
     coacd.set_log_level("error")
@@ -39,7 +47,7 @@ def decompose(path: Path, concavity: float = CONCAVITY) -> list[Path]:
 
 
 def main() -> int:
-    """The command; exit code 0, or 2 on bad input."""
+    """The command line; returns exit code 0, or 2 for invalid input."""
     parser = argparse.ArgumentParser(description="Splits a concave mesh into convex parts.")
     parser.add_argument("mesh", type=Path)
     parser.add_argument("--concavity", type=float, default=CONCAVITY, help=f"0.01 (fine) to 1; default {CONCAVITY}")

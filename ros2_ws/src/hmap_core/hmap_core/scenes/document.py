@@ -1,4 +1,4 @@
-"""YAML files as plain data that remember the line of every key, so that an error can point at it."""
+"""YAML files as plain data with the line number of every key, so that errors can refer to it."""
 
 import re
 from dataclasses import dataclass, field
@@ -16,23 +16,23 @@ from ruamel.yaml.scalarstring import ScalarString
 
 from hmap_core.exceptions import Code, InputError
 
-MAX_FILE_SIZE = 1_000_000  # bytes; a scene is a few kB, anything larger is not one
+MAX_FILE_SIZE = 1_000_000  # bytes; a scene has a few kB
 MAX_NODES = 100_000  # values after aliases are expanded
-MAX_DIGITS = 300  # of a number, in a row
-MAX_SHOWN = 60  # characters of a wrong value that an error repeats
+MAX_DIGITS = 300  # consecutive digits of a number
+MAX_SHOWN = 60  # characters of a wrong value that an error message repeats
 
 Location = tuple[str | int, ...]
 
 
 @dataclass
 class Document:
-    """Data of a scene file, and where each part of it stands.
+    """The data of a scene file, with the line number of every key.
 
     Attributes:
-        path: of the file; relative paths in the data start from its folder.
-        data: not to be changed where it was read from a file.
-        lines: line, from 1, of each key.
-        origin: what errors name instead of path and line, where the data come from code.
+        path: the file; relative paths in the data are relative to its folder.
+        data: its content; must not be modified if it was read from a file.
+        lines: location of a key -> line number, from 1.
+        origin: name of the data in error messages, instead of path and line, for scenes built in code.
     """
 
     path: Path
@@ -41,13 +41,13 @@ class Document:
     origin: str = ""
 
     def line(self, location: Location) -> int:
-        """Line, from 1, of the key at ``location`` or of the nearest one around it."""
+        """Line number, from 1, of the key at ``location``, or of the nearest enclosing key."""
         while location and location not in self.lines:
             location = location[:-1]
         return self.lines.get(location, 1)
 
     def value(self, location: Location) -> Any:
-        """The value at ``location`` as written, or None where there is none."""
+        """The value at ``location`` as written in the file; None if there is none."""
         value: Any = self.data
         for step in location:
             try:
@@ -57,7 +57,16 @@ class Document:
         return value
 
     def error(self, location: Location, problem: str, code: Code = Code.INVALID_SCENE) -> InputError:
-        """An error that names the file, the line, the key, its value and the problem."""
+        """Builds an exception that names the file, the line, the key, its value and the problem.
+
+        Args:
+            location: of the key.
+            problem: what is wrong, and what is allowed.
+            code: error code.
+
+        Returns:
+            The exception, for the caller to raise.
+        """
         value = self.value(location)
         shown = "" if value is None or isinstance(value, dict) or not location else f" = {_shorten(value)}"
         where = self.origin or f"{self.path}:{self.line(location)}"
@@ -65,7 +74,7 @@ class Document:
 
 
 def key_text(location: Location) -> str:
-    """``("movable", "bar", "size", 1)`` as ``movable.bar.size[1]``."""
+    """Formats a location: ``("movable", "bar", "size", 1)`` becomes ``movable.bar.size[1]``."""
     text = ""
     for step in location:
         text += f"[{step}]" if isinstance(step, int) else f".{step}"
@@ -75,15 +84,21 @@ def key_text(location: Location) -> str:
 def read(path: Path) -> Document:
     """Reads a YAML file whose top level is a mapping.
 
+    Args:
+        path: the file.
+
+    Returns:
+        Its content, from a cache.
+
     Raises:
-        InputError: INVALID_SCENE when the file cannot be read or is not such a file.
+        InputError: INVALID_SCENE; the file cannot be read, is no YAML, or its top level is no mapping.
     """
     return _parse(path, _read_text(path))
 
 
 @lru_cache(maxsize=64)
 def _parse(path: Path, text: str) -> Document:
-    """The document; kept, because the parser is slow and a scene names the same robot and objects several times."""
+    """Parses a file. Results are cached, since the parser is slow and scenes name the same files several times."""
     long = re.search(rf"\d{{{MAX_DIGITS + 1}}}", text)
     if long is not None:
         line = text.count("\n", 0, long.start()) + 1
@@ -96,7 +111,7 @@ def _parse(path: Path, text: str) -> Document:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         problem = " ".join(str(error.problem or error.context).split(" with value ")[0].split())
         raise InputError(f"{path}:{line}: not valid YAML: {problem}", Code.INVALID_SCENE) from error
-    except Exception as error:  # the parser lets errors of its own making through
+    except Exception as error:  # the parser raises exceptions of other types as well
         raise InputError(f"{path}:1: not valid YAML: {' '.join(str(error).split())}", Code.INVALID_SCENE) from error
     if node is None:
         raise InputError(f"{path}:1: the file is empty; it must start with schema: 1", Code.INVALID_SCENE)
@@ -120,7 +135,7 @@ def _read_text(path: Path) -> str:
         ) from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}", Code.INVALID_SCENE) from error
-    except ValueError as error:  # a path with a null character
+    except ValueError as error:  # the path contains a null character
         raise InputError(f"{path}: cannot be read: {error}", Code.INVALID_SCENE) from error
 
 
@@ -130,7 +145,7 @@ def _shorten(value: Any) -> str:
 
 
 def _encodable(text: str) -> bool:
-    """Whether a text is Unicode: escapes in a file can make halves of characters, which nothing can print."""
+    """Whether a text is valid Unicode. Escapes in a file can create unpaired surrogates, which cannot be printed."""
     try:
         text.encode("utf-8")
     except UnicodeEncodeError:
@@ -139,7 +154,7 @@ def _encodable(text: str) -> bool:
 
 
 class _Converter:
-    """Turns the parser's nodes into plain values, noting their lines."""
+    """Converts the nodes of the parser to plain values and records their line numbers."""
 
     def __init__(self, document: Document):
         self._document = document
@@ -163,7 +178,7 @@ class _Converter:
             here = (*location, str(key))
             try:
                 self._document.lines[here] = node.lc.key(key)[0] + 1
-            except (KeyError, AttributeError, TypeError):  # merged from another mapping: it has no line here
+            except (KeyError, AttributeError, TypeError):  # merged from another mapping, so without a line number
                 pass
             result[str(key)] = self.convert(value, here)
         return result

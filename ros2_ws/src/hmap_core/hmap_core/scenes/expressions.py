@@ -1,4 +1,4 @@
-"""Arithmetic in scene files: ``0.25 + bar/2 + gap``."""
+"""Arithmetic expressions in scene files, such as ``0.25 + bar/2 + gap``."""
 
 import ast
 import operator
@@ -11,19 +11,30 @@ ALLOWED = "numbers, parameter names, + - * / and parentheses"
 
 
 class ExpressionError(ValueError):
-    """An expression that cannot be evaluated; its text says why."""
+    """An expression that cannot be evaluated; the message says why."""
 
 
 def names(expression: str) -> list[str]:
-    """The parameters an expression refers to, in order."""
+    """The parameter names that an expression refers to, in order.
+
+    Raises:
+        ExpressionError: the expression cannot be parsed.
+    """
     return [node.id for node in ast.walk(_parse(expression)) if isinstance(node, ast.Name)]
 
 
 def evaluate(expression: str, parameters: Mapping[str, float]) -> float:
-    """Value of an expression of numbers, parameter names, ``+ - * /`` and parentheses.
+    """Evaluates an expression of numbers, parameter names, ``+ - * /`` and parentheses.
+
+    Args:
+        expression: the text.
+        parameters: values of the parameters.
+
+    Returns:
+        Its value.
 
     Raises:
-        ExpressionError: anything else, an unknown name, or a division by zero.
+        ExpressionError: other syntax, an unknown name, division by zero or overflow.
     """
     try:
         return _value(_parse(expression), parameters)
@@ -37,7 +48,7 @@ def _parse(expression: str) -> ast.expr:
     if len(expression) > MAX_LENGTH:
         raise ExpressionError(f"is longer than {MAX_LENGTH} characters")
     try:
-        if "#" in expression:  # the rest would be taken as a comment
+        if "#" in expression:  # Python would parse the rest as a comment
             raise SyntaxError
         return ast.parse(expression.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:

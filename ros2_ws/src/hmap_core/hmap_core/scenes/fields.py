@@ -1,4 +1,4 @@
-"""The kinds of value a scene file is made of: numbers that may be expressions, vectors, names, strict mappings."""
+"""Field types of scene files: numbers and expressions, vectors, names, and mappings without unknown keys."""
 
 import difflib
 import math
@@ -9,8 +9,8 @@ from pydantic_core import PydanticCustomError
 
 from hmap_core.scenes.expressions import ExpressionError, evaluate
 
-MAX_MAGNITUDE = 1e3  # no length, mass or angle of a scene is larger, in its unit
-MIN_SIZE = 1e-4  # m; smaller shapes are below what contacts and collision checks resolve
+MAX_MAGNITUDE = 1e3  # largest length, mass or angle of a scene, in its unit
+MIN_SIZE = 1e-4  # m; smaller shapes are below the resolution of contacts and collision checks
 MAX_SIZE = 100.0  # m
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"  # names become frames, topics and keys of plan files
 NAME_RULE = "a name is letters, digits and _, a letter first"
@@ -60,7 +60,7 @@ OneOrEach = Annotated[
     Any,
     BeforeValidator(_one_or_each),
     WithJsonSchema({"anyOf": [*_NUMBER_SCHEMA["anyOf"], {"type": "array", "items": _NUMBER_SCHEMA, "minItems": 1}]}),
-]  # a number for all of some joints, or a list with one for each
+]  # one number for all joints, or a list with one number for each
 Positive = Annotated[Number, Field(gt=0.0)]
 NonNegative = Annotated[Number, Field(ge=0.0)]
 Size = Annotated[Number, Field(ge=MIN_SIZE, le=MAX_SIZE)]
@@ -72,14 +72,14 @@ Rgba = Annotated[tuple[Unit, Unit, Unit, Unit], _list_of(4, "[red, green, blue, 
 Name = Annotated[str, Field(pattern=NAME_PATTERN)]
 
 
-def nearest(word: str, known: list[str]) -> str:
-    """`` Did you mean 'x'?`` where a known word is near, else nothing."""
+def did_you_mean(word: str, known: list[str]) -> str:
+    """The text `` Did you mean 'x'?`` if a known word is similar to ``word``, else an empty text."""
     near = difflib.get_close_matches(word, known, n=1)
     return f" Did you mean {near[0]!r}?" if near else ""
 
 
 class Strict(BaseModel):
-    """A mapping of which every key is known."""
+    """A mapping that rejects unknown keys."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=False)
 
@@ -93,7 +93,7 @@ class Strict(BaseModel):
             if key not in known:
                 raise PydanticCustomError(
                     "unknown_key",
-                    "unknown key.{hint} Known: {known}",
-                    {"key": key, "hint": nearest(key, known), "known": ", ".join(known)},
+                    "unknown key.{suggestion} Known: {known}",
+                    {"key": key, "suggestion": did_you_mean(key, known), "known": ", ".join(known)},
                 )
         return data

@@ -1,6 +1,6 @@
-"""Where the fingers of a gripper are at values of its joints, from the shapes in the URDF."""
+"""Positions of a gripper's fingers at joint values, from the collision shapes of the URDF."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,15 +13,17 @@ from hmap_core.scenes import meshes
 from hmap_core.scenes.urdf import JointTree, joint_tree, mesh_path, numbers, origin
 from hmap_core.transforms import to_matrix
 
+SupportFunction = Callable[[np.ndarray], float]
+
 
 @dataclass(frozen=True)
-class FingerPlaces:
-    """Where fingers are in the end-effector frame, m.
+class FingerPositions:
+    """Positions of the fingers in the end-effector frame, m.
 
     Attributes:
-        gap: between the fingers, along y; negative where they overlap.
-        middle: y in the middle of the gap.
-        tip: how far along z they reach.
+        gap: distance between the fingers along y; negative in overlap.
+        middle: y at the middle of the gap.
+        tip: largest z of the fingers.
     """
 
     gap: float
@@ -34,9 +36,12 @@ class GripperGeometry:
 
     Args:
         robot: root element of the URDF.
-        file: where that is, since meshes are looked for from there.
-        end_effector: its link, and the end-effector frame (7,) in it.
-        finger_links: the links whose shapes count, one or more on each side of the frame's y = 0.
+        file: path of the URDF, to which mesh paths are relative.
+        end_effector: name of its link, and the end-effector frame (7,) in that link.
+        finger_links: the links whose shapes count, one or more on each side of the plane y = 0 of the frame.
+
+    Attributes:
+        tree: the joints of the URDF.
     """
 
     def __init__(self, robot: Element, file: Path, end_effector: tuple[str, np.ndarray], finger_links: list[str]):
@@ -49,17 +54,24 @@ class GripperGeometry:
 
     @cached_property
     def _shapes(self) -> dict[str, list]:
-        """Of each finger link: where its shapes are in it (4, 4), and their support functions."""
+        """For each finger link, the poses (4, 4) of its shapes in the link frame, with their support functions."""
         return {
             link: [(to_matrix(origin(c)), _support(self._file, c.find("geometry")[0])) for c in self._collisions[link]]
             for link in self._finger_links
         }
 
-    def at(self, values: Mapping[str, float]) -> FingerPlaces:
-        """Where the fingers are with joints at values (rad or m); joints that mimic one of these follow.
+    def at(self, values: Mapping[str, float]) -> FingerPositions:
+        """Computes the positions of the fingers.
+
+        Args:
+            values: joint name -> value, rad or m; joints that mimic one of these follow it.
+
+        Returns:
+            The positions.
 
         Raises:
-            InputError: INVALID_SCENE; not on both sides of y = 0 is a finger with a shape.
+            InputError: INVALID_SCENE; one side of the plane y = 0 has no finger with a shape, or a mimicked joint is
+                missing.
         """
         T_ee_root = np.linalg.inv(self.tree.pose(self._link, values) @ self._T_link_ee)
         sides: dict[bool, list[tuple[float, float]]] = {False: [], True: []}
@@ -79,17 +91,17 @@ class GripperGeometry:
                 Code.INVALID_SCENE,
             )
         left, right = min(lower for lower, _ in sides[True]), max(upper for _, upper in sides[False])
-        return FingerPlaces(left - right, 0.5 * (left + right), max(tips))
+        return FingerPositions(left - right, 0.5 * (left + right), max(tips))
 
 
-def _farthest(T: np.ndarray, support, direction) -> float:
-    """How far a shape at T (4, 4) reaches along a direction (3,), m."""
+def _farthest(T: np.ndarray, support: SupportFunction, direction: tuple[float, float, float]) -> float:
+    """Largest coordinate of a shape at T (4, 4) along a direction (3,), m."""
     direction = np.array(direction)
     return float(T[:3, 3] @ direction + support(T[:3, :3].T @ direction))
 
 
-def _support(file: Path, geometry: Element):
-    """The support function of a shape in its own frame: direction (3,) -> m."""
+def _support(file: Path, geometry: Element) -> SupportFunction:
+    """The support function of a shape in its own frame: direction (3,) -> m (van den Bergen 2003)."""
     if geometry.tag == "mesh":
         vertices = meshes.hull_vertices(mesh_path(file, geometry.get("filename")))
         vertices = vertices * numbers(geometry.get("scale"), [1, 1, 1])

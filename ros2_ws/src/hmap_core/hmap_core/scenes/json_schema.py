@@ -1,4 +1,4 @@
-"""JSON Schemas of the scene files, for editors: ``python -m hmap_core.scenes`` writes them anew."""
+"""JSON Schemas of the scene files, for editors. ``python -m hmap_core.scenes`` writes them."""
 
 import json
 from pathlib import Path
@@ -12,19 +12,38 @@ MODELS: dict[str, type[BaseModel]] = {"task": TaskFile, "object": ObjectFile, "r
 
 
 def schema_folder() -> Path:
-    """Where the committed schemas are."""
+    """Folder of the schemas in the ``hmap_scenes`` package.
+
+    Raises:
+        InputError: the package is not installed.
+    """
     return resources.package_path("hmap_scenes") / "schema"
 
 
 def schema_text(name: str, model: type[BaseModel]) -> str:
-    """The JSON Schema of a model of version 1 of the format ``name``."""
+    """JSON Schema of a file format, version 1.
+
+    Args:
+        name: of the format, such as ``task``.
+        model: pydantic model of the format.
+
+    Returns:
+        The schema as JSON text.
+    """
     schema = model.model_json_schema(by_alias=True)
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": f"hmap/{name}.schema.json"} | schema
     return json.dumps(schema, indent=1) + "\n"
 
 
 def export_json_schema(folder: Path | None = None) -> list[Path]:
-    """Writes ``<name>.schema.json`` of every kind of scene file and returns the paths."""
+    """Writes ``<name>.schema.json`` for every kind of scene file.
+
+    Args:
+        folder: None for :func:`schema_folder`.
+
+    Returns:
+        Paths of the files.
+    """
     folder = schema_folder() if folder is None else folder
     paths = []
     for name, model in MODELS.items():

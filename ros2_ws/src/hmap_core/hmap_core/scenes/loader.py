@@ -1,4 +1,4 @@
-"""Tasks: from a name or a file and a seed to a scene."""
+"""Loads tasks: builds a scene from a task name or file and a seed."""
 
 from pathlib import Path
 
@@ -9,21 +9,24 @@ from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes import resources
 from hmap_core.scenes.bodies import build_body
 from hmap_core.scenes.document import Document, read
-from hmap_core.scenes.fields import nearest
+from hmap_core.scenes.fields import did_you_mean
 from hmap_core.scenes.parameters import draw
 from hmap_core.scenes.robots import load_robot_model
 from hmap_core.scenes.schema import CameraEntry, GoalEntry, RobotEntry, TaskFile
 from hmap_core.scenes.validate import validate
-from hmap_core.types import EXECUTED_WITHIN, Body, BodyKind, Camera, Goal, Robot, Scene
+from hmap_core.types import DEFAULT_EXECUTION_TOLERANCE, Body, BodyKind, Camera, Goal, Robot, Scene
 
-MIN_VIEW_ANGLE = np.deg2rad(0.1)  # between a camera's view and its up direction
+MIN_VIEW_ANGLE = np.deg2rad(0.1)  # smallest angle between a camera's viewing direction and its up direction
 
 
 def list_tasks(unsolvable: bool = True) -> list[str]:
     """Names of the tasks that come with hmap, such as ``tunnel`` and ``published/tunnel``.
 
     Args:
-        unsolvable: those too that have no plan, and are there to see what is said of them.
+        unsolvable: include tasks without a solution, which exist for their error messages.
+
+    Returns:
+        The names, sorted.
     """
     folder = resources.package_path("hmap_scenes") / "tasks"
     return sorted(
@@ -34,12 +37,15 @@ def list_tasks(unsolvable: bool = True) -> list[str]:
 
 
 def load_scene(task: str | Path, seed: int | None = None) -> Scene:
-    """The scene of a task, randomised with ``seed``.
+    """Loads a task and randomises it.
 
     Args:
         task: a name of :func:`list_tasks`, or the path of a task file.
-        seed: 0 or larger; None takes the task's own, which is 0 unless it says otherwise. The same seed gives the same
+        seed: 0 or larger. None selects the seed of the task file, whose default is 0. The same seed gives the same
             scene.
+
+    Returns:
+        The scene.
 
     Raises:
         InputError: UNKNOWN_TASK, UNKNOWN_OBJECT, UNKNOWN_ROBOT, INVALID_SCENE, INVALID_POSE or INVALID_INPUT (seed).
@@ -71,7 +77,7 @@ def instantiate(document: Document, task: str, seed: int | None = None) -> Scene
         raise InputError(f"seed = {seed!r}: must be an integer, 0 or larger")
     if seed is None:
         default = document.data.get("seed", 0)
-        seed = default if type(default) is int and default >= 0 else 0  # a wrong one is reported by validate
+        seed = default if type(default) is int and default >= 0 else 0  # validate reports an invalid one
     entry = validate(TaskFile, document, draw(document, int(seed)))
     return _build(document, entry, task, int(seed))
 
@@ -87,9 +93,9 @@ def _task_path(task: str | Path) -> Path:
         raise InputError(f"no task file {str(task)!r}", Code.UNKNOWN_TASK)
     known = list_tasks()
     if task not in known:
-        hint = nearest(str(task), known)
+        suggestion = did_you_mean(str(task), known)
         raise InputError(
-            f"unknown task {str(task)!r}.{hint} Known: {', '.join(known)}, or the path of a .yaml file",
+            f"unknown task {str(task)!r}.{suggestion} Known: {', '.join(known)}, or the path of a .yaml file",
             Code.UNKNOWN_TASK,
         )
     return resources.package_path("hmap_scenes") / "tasks" / f"{task}.yaml"
@@ -112,9 +118,9 @@ def _build(document: Document, entry: TaskFile, task: str, seed: int) -> Scene:
 
 
 def _execution_tolerance(entry: TaskFile) -> tuple[float, float]:
-    """m, rad; what the file leaves out is that of EXECUTED_WITHIN, or the goal's where that is more."""
+    """Execution tolerance in m and rad: as given, else the default or the goal's tolerance, whichever is larger."""
     given, goal = entry.execution_tolerance, entry.goal
-    position, rotation = EXECUTED_WITHIN
+    position, rotation = DEFAULT_EXECUTION_TOLERANCE
     return (
         given.position or max(position, goal.position_tolerance),
         float(np.deg2rad(given.rotation_deg or max(np.rad2deg(rotation), goal.rotation_tolerance_deg))),
@@ -180,10 +186,14 @@ def build_camera(document: Document, name: str, entry: CameraEntry) -> Camera:
 
 
 def _movable(document: Document, location: tuple, name: str, bodies: dict[str, Body]) -> None:
-    """Raises InputError unless ``name`` is a body that may move."""
+    """Checks that ``name`` is a body that may move.
+
+    Raises:
+        InputError: UNKNOWN_OBJECT or INVALID_SCENE.
+    """
     movable = [body.name for body in bodies.values() if body.kind is not BodyKind.FIXED]
     if name not in bodies:
-        problem = f"unknown object {name!r}.{nearest(name, movable)} Known: {', '.join(movable)}"
+        problem = f"unknown object {name!r}.{did_you_mean(name, movable)} Known: {', '.join(movable)}"
         raise document.error(location, problem, Code.UNKNOWN_OBJECT)
     if name not in movable:
         raise document.error(location, f"{name!r} is fixed; movable: {', '.join(movable)}")

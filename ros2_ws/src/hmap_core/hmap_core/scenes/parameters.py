@@ -1,7 +1,7 @@
-"""Named numbers of a scene file, fixed, computed or drawn from a distribution: the one means of randomisation.
+"""Parameters of scene files: numbers that are fixed, computed, or drawn from a distribution.
 
-Each parameter draws from a generator of its own, seeded with the seed and the parameter's name, so that adding one to a
-file leaves what the others draw unchanged.
+They are the only means of randomisation. Each parameter has its own random generator, seeded by the seed and the
+parameter's name, so a new parameter does not change the values of the others.
 """
 
 import keyword
@@ -19,16 +19,19 @@ DISTRIBUTIONS = "a number, an expression, {uniform: [low, high]} or {choice: [a,
 
 
 def draw(document: Document, seed: int, scope: str = "", given: Mapping[str, float] | None = None) -> dict[str, float]:
-    """Values of a file's ``parameters``.
+    """Draws the values of a file's ``parameters``.
 
     Args:
         document: the file.
-        seed: of every draw.
-        scope: sets apart the draws of a file that is used several times in a scene (the name of the body it makes).
-        given: values that replace those of the file.
+        seed: seed of all draws.
+        scope: separates the draws of a file that is used several times in a scene (the name of the body it defines).
+        given: values that override those of the file.
+
+    Returns:
+        Parameter name -> value.
 
     Raises:
-        InputError: a parameter that is wrong, refers to an unknown one, or to itself.
+        InputError: INVALID_SCENE; a parameter is invalid, refers to an unknown one, or to itself.
     """
     declared = document.data.get("parameters")
     declared = {} if declared is None else declared

@@ -1,4 +1,4 @@
-"""Scenes to JSON and back: to send one over a network, or to keep with a plan. See ``docs/plan_file.md``."""
+"""Scenes as JSON: for messages between machines, and as part of plan files. See ``docs/plan_file.md``."""
 
 import json
 from dataclasses import fields
@@ -9,8 +9,8 @@ import numpy as np
 
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes import meshes, resources
-from hmap_core.scenes.arrays import DECIMALS, listed
-from hmap_core.scenes.scene_data import BodyData, HeldData, RobotData, SceneData, SceneDocument, ShapeData, parse
+from hmap_core.scenes.arrays import DECIMALS, to_lists
+from hmap_core.scenes.scene_data import AttachedData, BodyData, RobotData, SceneData, SceneDocument, ShapeData, parse
 from hmap_core.transforms import IDENTITY
 from hmap_core.types import AttachedBody, Body, Camera, Goal, Gripper, Robot, RobotModel, Scene, Shape, ShapeKind
 
@@ -19,7 +19,11 @@ VERSION = 1
 
 
 def scene_to_dict(scene: Scene) -> dict[str, Any]:
-    """The scene as a JSON value, without ``format`` and ``version``."""
+    """Converts a scene to a JSON value, without the keys ``format`` and ``version``.
+
+    Raises:
+        InputError: INVALID_SCENE; a mesh file cannot be read.
+    """
     position, rotation = scene.execution_tolerance
     return {
         "task": scene.task,
@@ -27,7 +31,7 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
         "mode": scene.mode.value,
         "goal": {
             "object": scene.goal.object,
-            "pose": listed(scene.goal.pose),
+            "pose": to_lists(scene.goal.pose),
             "position_tolerance_m": _rounded(scene.goal.position_tolerance),
             "rotation_tolerance_rad": _rounded(scene.goal.rotation_tolerance),
         },
@@ -35,7 +39,7 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
         "scene": {
             "bodies": [_body_dict(body) for body in scene.bodies.values()],
             "motion": scene.motion,
-            "removable": {name: None if p is None else listed(p) for name, p in scene.removable.items()},
+            "removable": {name: None if p is None else to_lists(p) for name, p in scene.removable.items()},
         },
         "robots": {name: _robot_dict(robot) for name, robot in scene.robots.items()},
         "cameras": {name: _camera_dict(camera) for name, camera in scene.cameras.items()},
@@ -54,18 +58,18 @@ def _body_dict(body: Body) -> dict[str, Any]:
         "name": body.name,
         "kind": body.kind.value,
         **(shape if single else {"shape": "compound", "parts": parts}),
-        "pose": listed(body.pose),
+        "pose": to_lists(body.pose),
         "mass": _rounded(body.mass),
         "friction": _rounded(body.friction),
-        "graspable": [{"lower": listed(region[0]), "upper": listed(region[1])} for region in body.graspable],
-        "color": None if body.color is None else listed(body.color),
+        "graspable": [{"lower": to_lists(region[0]), "upper": to_lists(region[1])} for region in body.graspable],
+        "color": None if body.color is None else to_lists(body.color),
     }
 
 
 def _shape_dict(shape: Shape) -> dict[str, Any]:
-    result = {"shape": shape.kind.value, "size": listed(shape.size), "pose": listed(shape.pose)}
+    result = {"shape": shape.kind.value, "size": to_lists(shape.size), "pose": to_lists(shape.pose)}
     if shape.mesh is not None:
-        result |= {"mesh": resources.portable(shape.mesh), "vertices": listed(meshes.hull_vertices(shape.mesh))}
+        result |= {"mesh": resources.portable(shape.mesh), "vertices": to_lists(meshes.hull_vertices(shape.mesh))}
     return result
 
 
@@ -78,15 +82,15 @@ def _robot_dict(robot: Robot) -> dict[str, Any]:
     return {
         "model": model.name,
         "urdf": model.urdf_uri,
-        "base_pose": listed(robot.base_pose),
-        "q_start": listed(robot.q),
+        "base_pose": to_lists(robot.base_pose),
+        "q_start": to_lists(robot.q),
         "joint_names": list(model.joint_names),
         "end_effector_link": model.end_effector_link,
-        "T_link_ee": listed(model.T_link_ee),
-        "home": listed(model.home),
-        "position_limits": listed(model.position_limits),
-        "velocity_limits": listed(model.velocity_limits),
-        "acceleration_limits": listed(model.acceleration_limits),
+        "T_link_ee": to_lists(model.T_link_ee),
+        "home": to_lists(model.home),
+        "position_limits": to_lists(model.position_limits),
+        "velocity_limits": to_lists(model.velocity_limits),
+        "acceleration_limits": to_lists(model.acceleration_limits),
         "ignored_collisions": [list(pair) for pair in model.ignored_collisions],
         "gripper": gripper,
         "simulation": model.simulation,
@@ -94,7 +98,7 @@ def _robot_dict(robot: Robot) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """A value of a gripper for JSON; what was computed is rounded."""
+    """Converts a gripper attribute to JSON; floats are rounded."""
     if isinstance(value, tuple):
         return [_plain(entry) for entry in value]
     return _rounded(value) if isinstance(value, float) else value
@@ -104,27 +108,35 @@ def _attached_dict(held: AttachedBody) -> dict[str, Any]:
     return {
         "name": held.name,
         "parts": [_shape_dict(shape) for shape in held.shapes],
-        "T_ee_body": listed(held.T_ee_body),
+        "T_ee_body": to_lists(held.T_ee_body),
         "opening": _rounded(held.opening),
         "friction": _rounded(held.friction),
-        "up": listed(held.up),
+        "up": to_lists(held.up),
     }
 
 
 def _camera_dict(camera: Camera) -> dict[str, Any]:
     return {
-        "pose": listed(camera.pose),
+        "pose": to_lists(camera.pose),
         "width": camera.width,
         "height": camera.height,
         "fov_y_rad": _rounded(camera.fov_y),
     }
 
 
-def scene_of(data: SceneData, source: str, code: Code) -> Scene:
-    """The scene that validated data describe.
+def scene_from_data(data: SceneData, source: str, code: Code) -> Scene:
+    """Builds the scene that validated data describe.
+
+    Args:
+        data: the data.
+        source: name of the document in error messages.
+        code: error code.
+
+    Returns:
+        The scene.
 
     Raises:
-        InputError: with ``code``, when a URDF or a mesh is not on this machine.
+        InputError: with ``code``; a URDF or a mesh does not exist on this machine.
     """
     try:
         return Scene(
@@ -164,7 +176,7 @@ def _body(data: BodyData) -> Body:
 
 
 def _shape(data: ShapeData) -> Shape:
-    mesh = None if data.mesh is None else meshes.local(data.mesh, data.vertices)
+    mesh = None if data.mesh is None else meshes.local_file(data.mesh, data.vertices)
     return Shape(data.shape, tuple(data.size), data.pose, mesh)
 
 
@@ -192,28 +204,45 @@ def _robot(name: str, data: RobotData) -> Robot:
     return Robot(name, model, data.base_pose, data.q_start)
 
 
-def _attached(data: HeldData) -> AttachedBody:
+def _attached(data: AttachedData) -> AttachedBody:
     shapes = tuple(_shape(part) for part in data.parts)
     return AttachedBody(data.name, shapes, data.T_ee_body, data.opening, data.friction, data.up)
 
 
 def scene_to_text(scene: Scene) -> str:
-    """The scene as JSON text, so that it can cross a network."""
+    """Converts a scene to JSON text, for messages between machines.
+
+    Raises:
+        InputError: INVALID_SCENE; a mesh file cannot be read.
+        ValueError: the scene contains NaN or infinity.
+    """
     return json.dumps({"format": SCENE_FORMAT, "version": VERSION} | scene_to_dict(scene), allow_nan=False)
 
 
 def scene_from_text(text: str) -> Scene:
-    """The scene that :func:`scene_to_text` wrote.
+    """Builds a scene from JSON text; inverse of :func:`scene_to_text`.
 
     Raises:
-        InputError: INVALID_SCENE when it is not such a text, or a URDF or mesh is not on this machine.
+        InputError: INVALID_SCENE; the text is invalid, or a URDF or mesh does not exist on this machine.
     """
     data = parse(SceneDocument, read_json(text, "scene", Code.INVALID_SCENE), "scene", Code.INVALID_SCENE)
-    return scene_of(data, "scene", Code.INVALID_SCENE)
+    return scene_from_data(data, "scene", Code.INVALID_SCENE)
 
 
 def read_json(text: str, source: str, code: Code) -> Any:
-    """JSON text as a value; InputError with ``code`` when it is not JSON."""
+    """Parses JSON text.
+
+    Args:
+        text: the text.
+        source: name of the document in error messages.
+        code: error code.
+
+    Returns:
+        The value.
+
+    Raises:
+        InputError: with ``code``; the text is not JSON.
+    """
     try:
         return json.loads(text)
     except (ValueError, TypeError, RecursionError) as error:

@@ -1,18 +1,21 @@
-"""Where scene data is: the hmap_scenes package, pybullet_data, or beside the file that names it."""
+"""Locations of scene data: the packages ``hmap_scenes`` and ``pybullet_data``, and paths relative to a file."""
 
 from importlib.util import find_spec
 from pathlib import Path
 
 from hmap_core.exceptions import Code, InputError
 
-SCHEMES = ("hmap_scenes", "pybullet_data")  # importable packages that a URI "<package>://<path>" may name
+SCHEMES = ("hmap_scenes", "pybullet_data")  # packages that a URI "<package>://<path>" may name
 
 
 def package_path(package: str) -> Path:
     """Folder of an installed data package.
 
+    Args:
+        package: its import name.
+
     Raises:
-        InputError: when it is not installed.
+        InputError: the package is not installed.
     """
     spec = find_spec(package)
     if spec is None or not spec.submodule_search_locations:
@@ -21,10 +24,17 @@ def package_path(package: str) -> Path:
 
 
 def resolve(uri: str, base: Path) -> Path:
-    """The file that ``uri`` names: ``<package>://<path>``, or a path relative to the folder ``base``.
+    """Path of the file that a URI names.
+
+    Args:
+        uri: ``<package>://<path>``, or a path relative to ``base``.
+        base: a folder.
+
+    Returns:
+        The path.
 
     Raises:
-        InputError: INVALID_SCENE when there is no such file, or the package is unknown.
+        InputError: INVALID_SCENE; the file does not exist, or the package is unknown.
     """
     scheme, separator, rest = uri.partition("://")
     if separator and scheme not in SCHEMES:
@@ -34,13 +44,13 @@ def resolve(uri: str, base: Path) -> Path:
     try:
         if path.is_file():
             return path
-    except (OSError, ValueError):  # a name that is too long, or with a null character: no such file
+    except (OSError, ValueError):  # the name is too long or contains a null character: no such file
         pass
     raise InputError(f"file not found: {path}", Code.INVALID_SCENE)
 
 
 def portable(path: Path) -> str:
-    """``path`` as a URI that means the same on another machine, where it lies in a known package."""
+    """URI of a file that is valid on other machines if the file is part of a known package; else its path."""
     for scheme in SCHEMES:
         if find_spec(scheme) is not None and path.is_relative_to(package_path(scheme)):
             return f"{scheme}://{path.relative_to(package_path(scheme)).as_posix()}"

@@ -1,4 +1,4 @@
-"""Robot files: what a URDF does not say about an arm."""
+"""Robot files: the properties of an arm that a URDF lacks."""
 
 from pathlib import Path
 from xml.etree import ElementTree
@@ -9,7 +9,7 @@ import numpy as np
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes import resources
 from hmap_core.scenes.document import Document, Location, read
-from hmap_core.scenes.fields import nearest
+from hmap_core.scenes.fields import did_you_mean
 from hmap_core.scenes.grippers import build_gripper
 from hmap_core.scenes.parameters import draw
 from hmap_core.scenes.schema import RobotFile
@@ -18,25 +18,33 @@ from hmap_core.types import RobotModel
 
 
 def list_robots() -> list[str]:
-    """Names of the robot models that come with hmap."""
+    """Names of the robot models that come with hmap, sorted."""
     return sorted(path.stem for path in (resources.package_path("hmap_scenes") / "robots").glob("*.yaml"))
 
 
 def load_robot_model(name: str, base: Path | None = None) -> RobotModel:
-    """The robot model ``name``: one that comes with hmap, or the path of a robot file (relative to ``base``).
+    """Loads a robot model.
+
+    Args:
+        name: a name of :func:`list_robots`, or the path of a robot file.
+        base: folder that such a path is relative to; None for the working directory.
+
+    Returns:
+        The robot model.
 
     Raises:
-        InputError: UNKNOWN_ROBOT or INVALID_SCENE.
+        InputError: UNKNOWN_ROBOT, INVALID_SCENE or INVALID_POSE; the reason names the file, line, key and value.
     """
     if name.endswith((".yaml", ".yml")):
         path = (base or Path()) / Path(name).expanduser()
     else:
         path = resources.package_path("hmap_scenes") / "robots" / f"{name}.yaml"
         if name not in list_robots():
-            hint = nearest(name, list_robots())
+            suggestion = did_you_mean(name, list_robots())
             known = ", ".join(list_robots())
             raise InputError(
-                f"unknown robot model {name!r}.{hint} Known: {known}, or the path of a .yaml file", Code.UNKNOWN_ROBOT
+                f"unknown robot model {name!r}.{suggestion} Known: {known}, or the path of a .yaml file",
+                Code.UNKNOWN_ROBOT,
             )
     document = read(path)
     return _build(document, validate(RobotFile, document, draw(document, seed=0)))
@@ -83,7 +91,7 @@ def _build(document: Document, entry: RobotFile) -> RobotModel:
 
 
 def _check_names(document: Document, entry: RobotFile, urdf: Path, root: Element) -> None:
-    """Every joint and link that the robot file names is in its URDF."""
+    """Checks that the URDF has every joint and link that the robot file names."""
     joints = [joint.get("name", "") for joint in root.findall("joint") if joint.get("type") != "fixed"]
     links = [link.get("name", "") for link in root.findall("link")]
     named: list[tuple[Location, str, list[str]]] = [
@@ -97,7 +105,9 @@ def _check_names(document: Document, entry: RobotFile, urdf: Path, root: Element
         named += [(("gripper", "finger_links", i), name, links) for i, name in enumerate(entry.gripper.finger_links)]
     for location, name, known in named:
         if name not in known:
-            raise document.error(location, f"is not in {urdf.name}.{nearest(name, known)} It has: {', '.join(known)}")
+            raise document.error(
+                location, f"is not in {urdf.name}.{did_you_mean(name, known)} It has: {', '.join(known)}"
+            )
     for i, name in enumerate(entry.joints):
         if name in entry.joints[:i]:
             raise document.error(("joints", i), "is named twice")

@@ -1,4 +1,4 @@
-"""The JSON form of an instantiated scene, as models that check it. ``docs/plan_file.md`` describes the keys."""
+"""Pydantic models of the JSON form of a scene. ``docs/plan_file.md`` describes the keys."""
 
 from itertools import pairwise
 from typing import Annotated, Any, Literal, TypeVar
@@ -19,7 +19,7 @@ Real = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class Data(BaseModel):
-    """Part of a document. Keys that are not known are left alone, so that later versions may add some."""
+    """Part of a document. Unknown keys are ignored, so that later versions may add keys."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, arbitrary_types_allowed=True)
 
@@ -28,7 +28,7 @@ Model = TypeVar("Model", bound=Data)
 
 
 class ShapeData(Data):
-    """A convex shape in its body's frame; ``size`` as in a task file, ``vertices`` of a mesh's hull, unscaled."""
+    """A convex shape in the body frame; ``size`` as in a task file, ``vertices`` of the hull of a mesh, unscaled."""
 
     shape: ShapeKind
     size: list[Extent]
@@ -58,7 +58,7 @@ class RegionData(Data):
 
 
 class BodyData(Data):
-    """A body; ``shape`` is ``compound`` when it has several, then in ``parts``."""
+    """A body; ``shape`` is ``compound`` if it has several shapes, which are listed in ``parts``."""
 
     name: str
     kind: BodyKind
@@ -85,7 +85,7 @@ class BodyData(Data):
 
 
 class GripperData(Data):
-    """A gripper of two fingers; lengths in metres, force in newtons, speed in metres per second."""
+    """A two-finger gripper; lengths in metres, force in newtons, speed in metres per second."""
 
     joint_names: list[str]
     per_joint: Real | list[Real]
@@ -116,8 +116,8 @@ class GripperData(Data):
         return self
 
 
-class HeldData(Data):
-    """A body in the hand of a robot that works with it; ``opening`` of the gripper in metres."""
+class AttachedData(Data):
+    """A body that is attached to a robot, such as a tool in use; ``opening`` of the gripper in metres."""
 
     name: str
     parts: list[ShapeData]
@@ -128,7 +128,7 @@ class HeldData(Data):
 
 
 class RobotData(Data):
-    """A robot: where it stands, where it starts, and its model."""
+    """A robot: its base pose, start configuration and model."""
 
     model: str
     urdf: str
@@ -144,7 +144,7 @@ class RobotData(Data):
     ignored_collisions: list[tuple[str, str]] = []
     gripper: GripperData | None = None
     simulation: dict[str, Any] = {}
-    held: HeldData | None = None
+    held: AttachedData | None = None
 
     @model_validator(mode="after")
     def _lengths(self) -> "RobotData":
@@ -168,7 +168,7 @@ class CameraData(Data):
 
 
 class GoalData(Data):
-    """Where an object has to end."""
+    """Goal pose of an object, with tolerances."""
 
     object: str
     pose: PoseVector
@@ -177,14 +177,14 @@ class GoalData(Data):
 
 
 class ToleranceData(Data):
-    """How far from its goal the object may end when the plan is executed."""
+    """Distance of the object from its goal that counts as reached after execution."""
 
     position_m: Extent
     rotation_rad: Extent
 
 
 class BodiesData(Data):
-    """The bodies, and how the goal's object may move among them."""
+    """The bodies, and the freedom of the goal's object."""
 
     bodies: list[BodyData]
     motion: Literal["auto", "planar", "spatial"] = "auto"
@@ -192,7 +192,7 @@ class BodiesData(Data):
 
 
 class SceneData(Data):
-    """The keys that a scene and a plan file have in common."""
+    """The keys that scene and plan files have in common."""
 
     task: str
     seed: Annotated[int, Field(ge=0)]
@@ -218,17 +218,26 @@ class SceneData(Data):
 
 
 class SceneDocument(SceneData):
-    """A scene on its own."""
+    """A scene without a plan."""
 
     format: Literal["hmap-scene"]
     version: Literal[1]
 
 
 def parse(model: type[Model], data: Any, source: str, code: Code) -> Model:
-    """``data`` as ``model``.
+    """Validates data.
+
+    Args:
+        model: the pydantic model.
+        data: a JSON value.
+        source: name of the document in error messages.
+        code: error code.
+
+    Returns:
+        The data as ``model``.
 
     Raises:
-        InputError: with ``code``, naming ``source``, the key and the problem.
+        InputError: with ``code``; the reason names ``source``, the key and the problem.
     """
     try:
         return model.model_validate(data)

@@ -1,4 +1,4 @@
-"""The schema of task, object and robot files, version 1. ``docs/scenes.md`` explains it."""
+"""Pydantic models of task, object and robot files, version 1. ``docs/scenes.md`` explains the keys."""
 
 from typing import Annotated, Any, Literal
 
@@ -28,7 +28,7 @@ MAX_FRICTION = 5.0  # lateral Coulomb coefficient
 MAX_IMAGE_SIDE = 4096  # pixels
 MAX_MASS = 100.0  # kg
 
-# how many numbers the size of a shape has, and what they mean
+# the numbers of the size of each shape, with their meaning
 SIZES = {
     ShapeKind.BOX: "[x, y, z] full extents",
     ShapeKind.CYLINDER: "[radius, height]",
@@ -62,13 +62,13 @@ _PARAMETER_SCHEMA = {
         },
     ]
 }
-# read by parameters.draw, which also checks them
+# parameters.draw reads and validates them
 Parameters = dict[Name, Annotated[Any, WithJsonSchema(_PARAMETER_SCHEMA)]]
 Version = Annotated[Literal[1], BeforeValidator(_version)]
 
 
 class Pose(Strict):
-    """A frame: position in metres, rotation as fixed-axis roll, pitch, yaw in degrees or a unit quaternion."""
+    """A frame: position in metres; rotation as fixed-axis roll, pitch, yaw in degrees or as a unit quaternion."""
 
     xyz: Vector3 = (0.0, 0.0, 0.0)
     rpy_deg: Rpy | None = None
@@ -89,14 +89,14 @@ class Pose(Strict):
         return self
 
     def vector(self) -> np.ndarray:
-        """As a pose (7,)."""
+        """The frame as a pose (7,)."""
         if self.quaternion is not None:
             return transforms.pose(self.xyz, self.quaternion)
         return transforms.from_rpy(self.xyz, np.deg2rad(self.rpy_deg or (0.0, 0.0, 0.0)))
 
 
 class Part(Strict):
-    """One convex shape."""
+    """A convex shape."""
 
     shape: ShapeKind
     size: list[Size] | None = None
@@ -124,7 +124,7 @@ def _check_shape(shape: ShapeKind, size: list[float] | None, mesh: str | None) -
 
 
 class Region(Strict):
-    """An axis-aligned box in the body frame in which contacts may lie."""
+    """An axis-aligned box in the body frame that restricts the contact positions."""
 
     lower: Vector3
     upper: Vector3
@@ -137,7 +137,7 @@ class Region(Strict):
 
 
 class Geometry(Strict):
-    """What a body is made of: a shape, or several as parts; and its material."""
+    """Geometry and material of a body: one shape, or several in ``parts``."""
 
     shape: ShapeKind | None = None
     size: list[Size] | None = None
@@ -175,7 +175,7 @@ class ObjectFile(Geometry):
 
 
 class BodyEntry(Geometry):
-    """A body of a task: its own shape, or a reusable object with values for its parameters."""
+    """A body of a task: with its own shape, or a reusable object with values for its parameters."""
 
     object: str | None = None
     values: dict[Name, Number] | None = Field(default=None, alias="with")
@@ -211,7 +211,7 @@ class CameraEntry(Strict):
 
 
 class GoalEntry(Strict):
-    """Where the object has to end."""
+    """Goal pose of an object, with tolerances."""
 
     object: str
     pose: Pose
@@ -220,7 +220,7 @@ class GoalEntry(Strict):
 
 
 class ExecutionTolerance(Strict):
-    """How exactly the executed plan has to end; what is left out: EXECUTED_WITHIN, or the goal's where that is more."""
+    """Required accuracy of the executed plan; see :class:`hmap_core.types.Scene` for the defaults."""
 
     position: Positive | None = None
     rotation_deg: Annotated[Number, Field(gt=0.0, le=180.0)] | None = None
@@ -247,7 +247,7 @@ class TaskFile(Strict):
 
 
 class EndEffector(Strict):
-    """A link and the end-effector frame in it: z along the approach, y along the closing direction."""
+    """A link and the end-effector frame in it: z along the approach direction, y along the closing direction."""
 
     link: str
     pose: Pose = Pose()
@@ -261,10 +261,10 @@ class Limits(Strict):
 
 
 class GripperEntry(Strict):
-    """A gripper of two fingers; openings are gaps between the pads in metres.
+    """A two-finger gripper; openings are gaps between the pads in metres.
 
-    Either ``per_joint``, for joints that move in proportion to the opening, or ``closed`` and ``open``, from which the
-    openings on the way are computed.
+    ``per_joint`` is for joints that are proportional to the opening. ``closed`` and ``open`` are for other joints; the
+    openings in between are computed from the URDF.
     """
 
     joints: Annotated[list[str], Field(min_length=1)]

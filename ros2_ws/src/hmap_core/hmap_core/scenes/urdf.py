@@ -1,6 +1,6 @@
-"""The joints of a URDF, which of them follow another one, where all of them put the links, and where meshes are."""
+"""Joints of a URDF: kinematic tree, mimic joints, link frames, and paths of meshes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -18,10 +18,11 @@ class UrdfJoint:
     """A joint.
 
     Attributes:
-        T_parent_joint: (7,) its origin in the parent link.
-        axis: (3,) in the joint frame, unit.
-        lower, upper, velocity: rad or m, and per s; infinite where the URDF does not say.
-        mimic: the joint that it follows, by how much for one of that one's, and its value at that one's zero.
+        name, kind, parent, child: as in the URDF.
+        T_parent_joint: (7,) joint frame in the parent link.
+        axis: (3,) unit vector, joint frame.
+        lower, upper, velocity: limits, rad or m, and per s; infinite if the URDF has none.
+        mimic: driving joint, multiplier and offset; None for an independent joint.
     """
 
     name: str
@@ -36,7 +37,7 @@ class UrdfJoint:
     mimic: tuple[str, float, float] | None = None
 
     def motion(self, value: float) -> np.ndarray:
-        """The child link's frame in the joint frame at a value (rad or m), (4, 4)."""
+        """Transform (4, 4) of the child link in the joint frame at a value (rad or m)."""
         T = np.eye(4)
         if self.kind == "prismatic":
             T[:3, 3] = value * self.axis
@@ -49,7 +50,7 @@ class UrdfJoint:
 
 @dataclass(frozen=True)
 class JointTree:
-    """The joints of a URDF, by the link that each carries."""
+    """The joints of a URDF, by child link and by name."""
 
     by_child: dict[str, UrdfJoint]
     by_name: dict[str, UrdfJoint] = field(init=False)
@@ -58,7 +59,7 @@ class JointTree:
         object.__setattr__(self, "by_name", {joint.name: joint for joint in self.by_child.values()})
 
     def path(self, link: str) -> list[UrdfJoint]:
-        """Joints from the root to a link."""
+        """The joints from the root to a link."""
         path = []
         while link in self.by_child:
             path.append(self.by_child[link])
@@ -66,10 +67,16 @@ class JointTree:
         return path[::-1]
 
     def driver(self, name: str) -> tuple[str, float, float]:
-        """The joint that a joint follows in the end, the factor, and the value at that one's zero; itself if none.
+        """Resolves the mimic relations of a joint.
+
+        Args:
+            name: of the joint.
+
+        Returns:
+            The independent joint that drives it, the multiplier and the offset; itself, 1 and 0 if it is independent.
 
         Raises:
-            InputError: INVALID_SCENE; it follows a joint that is not there, or itself.
+            InputError: INVALID_SCENE; it mimics a joint that does not exist, or itself.
         """
         factor, offset, seen = 1.0, 0.0, [name]
         while (joint := self.by_name[name]).mimic is not None:
@@ -81,8 +88,18 @@ class JointTree:
             seen.append(name)
         return name, factor, offset
 
-    def followers(self, name: str) -> dict[str, tuple[float, float]]:
-        """Joints that follow a joint: name -> factor, and value at that one's zero."""
+    def mimics(self, name: str) -> dict[str, tuple[float, float]]:
+        """The joints that mimic a joint, directly or through others.
+
+        Args:
+            name: of the driving joint.
+
+        Returns:
+            Joint name -> multiplier and offset.
+
+        Raises:
+            InputError: INVALID_SCENE; a joint mimics one that does not exist, or itself.
+        """
         found = {}
         for other in self.by_name:
             driver, factor, offset = self.driver(other)
@@ -91,7 +108,18 @@ class JointTree:
         return found
 
     def pose(self, link: str, values: Mapping[str, float]) -> np.ndarray:
-        """A link's frame in the root's, (4, 4); joints with no value and none to follow are at 0."""
+        """Pose of a link in the root frame.
+
+        Args:
+            link: the link.
+            values: joint name -> value, rad or m; other joints follow the joint that they mimic, or are at 0.
+
+        Returns:
+            (4, 4).
+
+        Raises:
+            InputError: INVALID_SCENE; a joint mimics one that does not exist, or itself.
+        """
         T = np.eye(4)
         for joint in self.path(link):
             name, factor, offset = self.driver(joint.name)
@@ -101,10 +129,14 @@ class JointTree:
 
 
 def mesh_path(file: Path, name: str) -> Path:
-    """Where the mesh is that a URDF calls ``name``: in its folder or one above, as PyBullet looks for it.
+    """Path of a mesh that a URDF names, relative to the URDF's folder or one above it, as in PyBullet.
+
+    Args:
+        file: the URDF.
+        name: as in the URDF.
 
     Raises:
-        InputError: INVALID_SCENE; there is none.
+        InputError: INVALID_SCENE; the file does not exist.
     """
     for prefix in ("package://", "file://"):
         name = name.removeprefix(prefix)
@@ -114,13 +146,21 @@ def mesh_path(file: Path, name: str) -> Path:
     raise InputError(f"mesh '{name}' named in '{file}' does not exist", Code.INVALID_SCENE)
 
 
-def numbers(text: str | None, default) -> np.ndarray:
-    """The numbers of an attribute, or the default where it is missing."""
+def numbers(text: str | None, default: Sequence[float]) -> np.ndarray:
+    """The numbers of an XML attribute; the default if it is missing.
+
+    Args:
+        text: the attribute, numbers separated by spaces.
+        default: numbers.
+
+    Returns:
+        (n,) float.
+    """
     return np.array([float(v) for v in text.split()]) if text else np.array(default, float)
 
 
 def origin(element: Element) -> np.ndarray:
-    """The pose (7,) in an element's ``origin``."""
+    """The pose (7,) in the ``origin`` element of an XML element; the identity if it has none."""
     found = element.find("origin")
     if found is None:
         return IDENTITY
@@ -128,7 +168,7 @@ def origin(element: Element) -> np.ndarray:
 
 
 def joint_tree(robot: Element) -> JointTree:
-    """The joints of a URDF's root element."""
+    """The joints of a URDF, given its root element."""
     joints = [_joint(element) for element in robot.findall("joint") if element.find("child") is not None]
     return JointTree({joint.child: joint for joint in joints})
 

@@ -1,4 +1,4 @@
-"""From a document to a model of the schema: the validation library's complaints as errors with file and line."""
+"""Validates a YAML document against a pydantic model; errors name the file and line."""
 
 from collections.abc import Mapping
 from typing import Any, TypeVar
@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes.document import Document, Location
 from hmap_core.scenes.expressions import evaluate
-from hmap_core.scenes.fields import NAME_RULE, Strict, nearest
+from hmap_core.scenes.fields import NAME_RULE, Strict, did_you_mean
 
 Model = TypeVar("Model", bound=Strict)
 _BOUNDS = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "too_large"}
@@ -23,10 +23,19 @@ _POSE_KEYS = {"xyz", "rpy_deg", "quaternion"}
 
 
 def validate(model: type[Model], document: Document, parameters: Mapping[str, float], location: Location = ()) -> Model:
-    """The document, or its part at ``location``, as ``model``, its expressions evaluated with ``parameters``.
+    """Validates a document, or a part of it.
+
+    Args:
+        model: the pydantic model.
+        document: the YAML file, or data built in code.
+        parameters: values for the expressions in the document.
+        location: of the part; empty for the whole document.
+
+    Returns:
+        The part as ``model``, with expressions evaluated.
 
     Raises:
-        InputError: INVALID_SCENE, or INVALID_POSE where a pose is not one.
+        InputError: INVALID_SCENE, or INVALID_POSE for an invalid pose; the reason names the file, line, key and value.
     """
     try:
         return model.model_validate(document.value(location), context={"parameters": parameters})
@@ -61,7 +70,7 @@ def _problem(detail: Mapping[str, Any]) -> str:
             return "is missing; it must be given"
         case "enum" | "literal_error":
             expected = [word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")]
-            return f"must be one of {', '.join(expected)}.{nearest(str(value), expected)}"
+            return f"must be one of {', '.join(expected)}.{did_you_mean(str(value), expected)}"
         case "string_pattern_mismatch":
             return NAME_RULE
         case "too_short" | "too_long":
@@ -78,7 +87,7 @@ def _problem(detail: Mapping[str, Any]) -> str:
 
 
 def _evaluated(written: Any, detail: Mapping[str, Any], parameters: Mapping[str, float]) -> str:
-    """The value of an expression that is out of bounds; nothing for other errors."""
+    """The value of an expression that is out of bounds; empty for other errors."""
     if not isinstance(written, str) or detail["type"] not in _BOUNDS:
         return ""
     return f"; it is {evaluate(written, parameters):.6g}"

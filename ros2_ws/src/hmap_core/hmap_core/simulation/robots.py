@@ -252,7 +252,7 @@ class SimulatedRobot:
         return [
             (self._joint(name), number, factor, offset)
             for number, driver in enumerate(gripper.joint_names if gripper else ())
-            for name, (factor, offset) in tree.followers(driver).items()
+            for name, (factor, offset) in tree.mimics(driver).items()
             if name not in gripper.joint_names and factor != 0.0
         ]
 

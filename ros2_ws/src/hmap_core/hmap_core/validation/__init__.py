@@ -1,7 +1,8 @@
-"""The judge: says whether a plan is valid, and if not, what is wrong with it.
+"""The judge: decides whether a plan is valid, and reports every violated rule.
 
-It shares nothing with the planner but the exceptions: its own reading of the file, its own kinematics from the URDF,
-and exact distances through coal, also between the samples. ``docs/validation.md`` explains every rule.
+The judge shares nothing with the planner but the exceptions. It reads the plan file itself, computes its own kinematics
+from the URDF, and measures exact distances with coal, also between the samples. ``docs/validation.md`` explains every
+rule.
 """
 
 from hmap_core.validation.judge import check

@@ -1,4 +1,4 @@
-"""A robot of the plan: where its links are at many samples, and how far they can move between two of them."""
+"""Forward kinematics of a robot at all samples of a plan, and bounds on the motion of its links between two samples."""
 
 from dataclasses import dataclass
 
@@ -6,25 +6,35 @@ import numpy as np
 
 from hmap_core.validation import rigid, urdf
 from hmap_core.validation.document import RobotData
-from hmap_core.validation.files import unusable
+from hmap_core.validation.files import invalid_plan
 
 Frames = dict[str, tuple[np.ndarray, np.ndarray]]  # link -> rotations (N, 3, 3), positions (N, 3)
 
 
 @dataclass(frozen=True)
 class Arm:
-    """A robot's tree with the plan's joint names matched to it."""
+    """The kinematic tree of a robot, matched to the joint names of the plan.
+
+    Attributes:
+        data: the robot as the plan file describes it.
+        tree: its URDF.
+    """
 
     data: RobotData
     tree: urdf.Urdf
 
     def values(self, joints: np.ndarray, openings: np.ndarray) -> dict[str, np.ndarray]:
-        """The value (N,) of every moving joint from arm joints (N, n) and gripper openings (N,) in metres.
+        """Values of all moving joints; a joint that the plan does not name is zero or follows its ``mimic`` element.
 
-        A joint that nobody names stays at zero or follows its ``mimic``.
+        Args:
+            joints: (N, n) arm joints, rad or m.
+            openings: (N,) gripper openings, m.
+
+        Returns:
+            Joint name -> values (N,).
 
         Raises:
-            InputError: joints mimic each other in a circle.
+            InputError: INVALID_PLAN_FILE; joints mimic each other in a cycle.
         """
         values = {name: joints[:, i] for i, name in enumerate(self.data.joint_names)}
         gripper = self.data.gripper
@@ -36,14 +46,14 @@ class Arm:
         while left:
             ready = [name for name, joint in left.items() if joint.mimic is None or joint.mimic[0] not in left]
             if not ready:
-                raise unusable(f"robot {self.data.name!r}: the joints {', '.join(left)} mimic each other")
+                raise invalid_plan(f"robot {self.data.name!r}: the joints {', '.join(left)} mimic each other")
             for name in ready:
                 source, multiplier, offset = left.pop(name).mimic or ("", 0.0, 0.0)
                 values[name] = multiplier * values.get(source, np.zeros(len(joints))) + offset
         return values
 
     def frames(self, values: dict[str, np.ndarray]) -> Frames:
-        """World frames of all links at the joint values (N,)."""
+        """World frames of all links at joint values (N,), as :meth:`values` returns them."""
         N = len(next(iter(values.values()))) if values else 1
         R0, p0 = rigid.matrices(self.data.base_pose[3:]), self.data.base_pose[:3]
         frames = {self.tree.root: (np.broadcast_to(R0, (N, 3, 3)), np.broadcast_to(p0, (N, 3)))}
@@ -52,14 +62,21 @@ class Arm:
             p = p + rigid.apply(R, joint.origin_p)
             R = rigid.apply(R, joint.origin_R)
             if joint.kind in ("revolute", "continuous"):
-                R = rigid.turned(R, joint.axis, values[joint.name])
+                R = rigid.rotated(R, joint.axis, values[joint.name])
             elif joint.kind == "prismatic":
                 p = p + rigid.apply(R, joint.axis) * values[joint.name][:, None]
             frames[joint.child] = (R, p)
         return frames
 
     def end_effector(self, frames: Frames) -> tuple[np.ndarray, np.ndarray]:
-        """The manipulator frame, rotations (N, 3, 3) and positions (N, 3)."""
+        """World frame of the end effector.
+
+        Args:
+            frames: of the links, as :meth:`frames` returns them.
+
+        Returns:
+            Rotations (N, 3, 3) and positions (N, 3).
+        """
         R, p = frames[self.data.end_effector_link]
         T = self.data.T_link_ee
         return rigid.apply(R, rigid.matrices(T[3:])), p + rigid.apply(R, T[:3])
@@ -67,7 +84,7 @@ class Arm:
     def fingers(self) -> tuple[str, ...]:
         """The links that may touch an object: the fingers, or the end-effector link of an arm without gripper.
 
-        A link without shapes stands for the nearest one towards the base that has some.
+        If that link has no shapes, the nearest link towards the base that has some replaces it.
         """
         if self.data.gripper is not None:
             return self.data.gripper.finger_links
@@ -77,29 +94,38 @@ class Arm:
         return (link,)
 
     def moving(self, link: str) -> tuple[urdf.Joint, ...]:
-        """The joints between the base and a link that can move."""
+        """The moving joints between the base and a link, base first."""
         return self.tree.moving[link]
 
     def adjacent(self, link_a: str, link_b: str) -> bool:
-        """Whether two links are rigidly joined or share a joint, so that their hulls always overlap there."""
+        """Whether two links are rigidly connected or share a joint, so that their hulls always overlap at the joint."""
         a, b = self.moving(link_a), self.moving(link_b)
         if [joint.name for joint in a] == [joint.name for joint in b]:
             return True
         return self._carrier(link_a) == link_b or self._carrier(link_b) == link_a
 
     def _carrier(self, link: str) -> str | None:
-        """The nearest link with shapes towards the base."""
+        """The nearest link towards the base that has shapes."""
         joint = self.tree.joint_to(link)
         while joint is not None and joint.parent not in self.tree.shaped:
             joint = self.tree.joint_to(joint.parent)
         return None if joint is None else joint.parent
 
     def motion_bounds(self, link: str, radius: float, values: dict, frames: Frames) -> dict[str, np.ndarray]:
-        """How far each joint can carry any point of a link in each of the N-1 steps: joint -> (N-1,) in metres.
+        """Bounds on the distance that each joint moves any point of a link in each of the N-1 steps.
 
-        A revolute joint that turns by ``|dq|`` moves a point by at most ``|dq|`` times the point's distance from the
-        axis. That distance is measured at the step's first sample, plus all that the joints beyond can change it by.
-        ``radius`` bounds the distance of the link's points from its frame.
+        A revolute joint that turns by ``|dq|`` moves a point by at most ``|dq|`` times the distance of the point from
+        the axis. That distance is measured at the first sample of the step; the bounds of the joints further along the
+        chain are added, since these can change it.
+
+        Args:
+            link: the link.
+            radius: m, bound on the distance of the link's points from its frame.
+            values: joint values (N,), see :meth:`values`.
+            frames: link frames, see :meth:`frames`.
+
+        Returns:
+            Joint name -> (N-1,) in metres.
         """
         bounds: dict[str, np.ndarray] = {}
         beyond = np.zeros(len(next(iter(values.values()))) - 1)
@@ -116,11 +142,15 @@ class Arm:
         return bounds
 
     def rates(self, link: str, values: dict) -> tuple[np.ndarray, np.ndarray, float]:
-        """What bounds how a link moves in each of the N-1 steps.
+        """Bounds on the rotation and translation of a link in each of the N-1 steps.
+
+        Args:
+            link: the link.
+            values: joint values (N,), see :meth:`values`.
 
         Returns:
-            How far (N-1,) it turns at most, rad; how far (N-1,) sliding joints carry it, m; and the largest distance of
-            two joints between the base and the link, m.
+            Bound (N-1,) on the rotation, rad; bound (N-1,) on the translation by prismatic joints, m; and the largest
+            distance of two joints between the base and the link, m.
         """
         steps = len(next(iter(values.values()))) - 1
         turned, slid = np.zeros(steps), np.zeros(steps)
@@ -136,10 +166,16 @@ class Arm:
 
 
 def build(data: RobotData) -> Arm:
-    """A robot of the plan file with its URDF.
+    """Builds a robot of the plan file from its URDF.
+
+    Args:
+        data: the robot as the plan file describes it.
+
+    Returns:
+        The robot.
 
     Raises:
-        InputError: the URDF lacks a joint or link that the file names.
+        InputError: INVALID_PLAN_FILE; the URDF is missing or invalid, or lacks a joint or link that the plan names.
     """
     tree = urdf.load(data.urdf)
     joints = {joint.name for joint in tree.joints if joint.kind in urdf.MOVING}
@@ -148,8 +184,8 @@ def build(data: RobotData) -> Arm:
     for name in (*data.joint_names, *gripper_joints):
         if name not in joints:
             there = ", ".join(sorted(joints))
-            raise unusable(f"robot {data.name!r}: no moving joint {name!r} in its URDF; it has {there}")
+            raise invalid_plan(f"robot {data.name!r}: no moving joint {name!r} in its URDF; it has {there}")
     for link in (data.end_effector_link, *fingers):
         if link not in tree.links:
-            raise unusable(f"robot {data.name!r}: no link {link!r} in its URDF; it has {', '.join(tree.links)}")
+            raise invalid_plan(f"robot {data.name!r}: no link {link!r} in its URDF; it has {', '.join(tree.links)}")
     return Arm(data, tree)

@@ -1,7 +1,8 @@
-"""Lower bounds of distances from the boxes around parts, for many pairs at once.
+"""Lower bounds on distances from bounding boxes, for many pairs at once.
 
-The distance of two bodies changes no faster than their points move. So between two looks with distances d0 and d1, or
-lower bounds of them, and a bound m on the relative motion, the distance is nowhere below (d0 + d1 - m) / 2.
+The distance of two bodies changes no faster than their points move. Let d0 and d1 be distances at two instants, or
+lower bounds of them, and m a bound on the relative motion in between. Then the distance is nowhere below
+(d0 + d1 - m) / 2.
 """
 
 import numpy as np
@@ -10,12 +11,12 @@ from hmap_core.validation.geometry import Boxes, box_gap
 from hmap_core.validation.pairs import Pair
 from hmap_core.validation.world import World
 
-STRIDE = 16  # samples between two looks at every pair; only stretches that these do not clear are looked at again
-AT_ONCE = 4096  # boxes that are compared together; their numbers fit in a processor's cache
+STRIDE = 16  # samples between two anchors, at which the boxes of all pairs are compared
+BATCH = 4096  # boxes that are compared together, so that their data fit in a processor cache
 
 
 class PartBoxes:
-    """The boxes around all parts of a world at all samples."""
+    """Oriented bounding boxes of all parts of a world at all samples."""
 
     def __init__(self, world: World):
         self._samples = world.samples
@@ -24,25 +25,33 @@ class PartBoxes:
         self._boxes = Boxes.join([Boxes.around(track.part.solid, track.R, track.p) for track in tracks])
 
     def rows(self, pairs: list[Pair]) -> tuple[np.ndarray, np.ndarray]:
-        """Which parts (n,) and (n,) the pairs consist of, as :meth:`gaps` takes them."""
+        """Row numbers (n,) and (n,) of the parts of n pairs, as :meth:`gaps` expects them."""
         a, b = [self._row[pair.a] for pair in pairs], [self._row[pair.b] for pair in pairs]
         return np.array(a, int), np.array(b, int)
 
     def gaps(self, a: np.ndarray, b: np.ndarray, samples: np.ndarray) -> np.ndarray:
-        """Lower bounds (n,) of the distances of the parts a (n,) from b (n,) at samples (n,); -inf where unknown."""
+        """Lower bounds on the distances of n pairs of parts, each at one sample.
+
+        Args:
+            a, b: (n,) row numbers of the parts, see :meth:`rows`.
+            samples: (n,) sample numbers.
+
+        Returns:
+            (n,) in metres; -inf where the boxes overlap.
+        """
         a, b = a * self._samples + samples, b * self._samples + samples
-        blocks = [slice(i, i + AT_ONCE) for i in range(0, len(a), AT_ONCE)]
+        blocks = [slice(i, i + BATCH) for i in range(0, len(a), BATCH)]
         gaps = [box_gap(self._boxes[a[block]], self._boxes[b[block]]) for block in blocks]
         return np.concatenate(gaps) if gaps else np.zeros(0)
 
 
 class Bounds:
-    """Lower bounds of the distances of n pairs that move.
+    """Lower bounds on the distances of n pairs over the whole plan.
 
     Attributes:
-        anchors: (A,) samples, the first and last among them, at which the boxes of all pairs are compared.
-        at_anchors: (n, A) what that says; -inf where the boxes overlap.
-        travelled: (n, N) bound in metres on the relative motion of the two from the start to each sample.
+        anchors: (A,) samples at which the boxes of all pairs are compared; the first and last sample are among them.
+        at_anchors: (n, A) lower bounds from these comparisons, m; -inf where the boxes overlap.
+        travelled: (n, N) bound on the relative motion from the start to each sample, m.
     """
 
     def __init__(self, world: World, boxes: PartBoxes, pairs: list[Pair]):
@@ -57,13 +66,16 @@ class Bounds:
     def _gaps(self, rows: np.ndarray, samples: np.ndarray) -> np.ndarray:
         return self._boxes.gaps(self._a[rows], self._b[rows], samples)
 
-    def suspicious(self, threshold: np.ndarray) -> dict[int, list[tuple[int, int]]]:
-        """Where the bounds do not show that a pair's distance stays at or above its threshold (n,) in metres.
+    def uncleared(self, threshold: np.ndarray) -> dict[int, list[tuple[int, int]]]:
+        """Steps in which the bounds do not exclude a distance below the threshold.
 
-        Stretches between anchors are halved, down to single steps, as long as the bounds do not clear them.
+        Intervals between anchors are bisected, down to single steps, as long as the bounds do not clear them.
+
+        Args:
+            threshold: (n,) distance of each pair, m.
 
         Returns:
-            runs of steps (first and last sample) by the pair's place in the list; pairs that are clear are left out.
+            Runs of steps as (first sample, last sample), by index of the pair; pairs that are clear are omitted.
         """
         row, interval = (index.ravel() for index in np.indices((len(self._a), len(self.anchors) - 1)))
         first, last = self.anchors[interval], self.anchors[interval + 1]
@@ -84,7 +96,7 @@ class Bounds:
 
 
 def _runs(rows: np.ndarray, steps: np.ndarray) -> dict[int, list[tuple[int, int]]]:
-    """Single steps (m,) of rows (m,) as runs of adjacent ones (first and last sample) by row."""
+    """Merges adjacent single steps (m,) of rows (m,) into runs (first sample, last sample), by row."""
     order = np.lexsort((steps, rows))
     rows, steps = rows[order], steps[order]
     broken = (np.diff(rows) != 0) | (np.diff(steps) != 1)

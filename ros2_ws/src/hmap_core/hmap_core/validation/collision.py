@@ -1,7 +1,8 @@
-"""Penetration at the samples and between them, by bounds on motion.
+"""Penetration at the samples and between them, by conservative bounds on motion.
 
-What the bounds of :mod:`hmap_core.validation.bounds` do not clear is measured: stretches are halved, down to the
-samples and then between them, until the bound on the motion between two looks is under ``limits.MOTION_BOUND``.
+Intervals that the bounds of :mod:`hmap_core.validation.bounds` do not clear are bisected with measured distances: first
+down to the samples, then between them, until the bound on the motion between two measurements is below
+``limits.MOTION_BOUND``.
 """
 
 from dataclasses import dataclass, field
@@ -13,91 +14,95 @@ from hmap_core.validation import limits
 from hmap_core.validation.bounds import Bounds, PartBoxes
 from hmap_core.validation.pairs import Pair
 from hmap_core.validation.report import Findings, Kind
-from hmap_core.validation.world import Track, World
+from hmap_core.validation.world import Part, Track, World
 
 
-class Request(NamedTuple):
-    """A step of a pair that has to be looked at between its samples.
+class Subdivision(NamedTuple):
+    """A step of a pair that has to be measured between its samples.
 
     Attributes:
-        pieces: into how many, a power of two.
-        begin, end: the distances in metres at its two samples.
+        pair: the pair.
+        step: number of the step.
+        intervals: number of intervals that the step is divided into, a power of two.
+        begin, end: distances at the two samples of the step, m.
     """
 
     pair: Pair
     step: int
-    pieces: int
+    intervals: int
     begin: float
     end: float
 
 
 @dataclass
 class Scan:
-    """The state of the search through all pairs.
+    """Measures all pairs of a world.
 
     Attributes:
-        clearance: smallest distance found so far among the pairs that count.
-        requests: what has to be looked at between two samples.
+        world: the plan.
+        findings: receives the penetrations.
+        clearance: smallest distance found so far among the pairs that count for the clearance, m.
+        subdivisions: the steps that remain to be measured between their samples.
     """
 
     world: World
     findings: Findings
     clearance: float = np.inf
-    requests: list[Request] = field(default_factory=list)
+    subdivisions: list[Subdivision] = field(default_factory=list)
 
     def run(self, pairs: list[Pair]) -> None:
-        """Look at all pairs."""
+        """Checks all pairs, at the samples and between them."""
         boxes = PartBoxes(self.world)
-        self._scan_still([pair for pair in pairs if not pair.moves], boxes)
+        self._scan_static([pair for pair in pairs if not pair.moves], boxes)
         moving = [pair for pair in pairs if pair.moves]
-        at_once = max(1, limits.SAMPLES_AT_ONCE // self.world.samples)
+        at_once = max(1, limits.MAX_PAIR_SAMPLES // self.world.samples)
         for i in range(0, len(moving), at_once):
             self._scan_moving(moving[i : i + at_once], boxes)
-        self._look_between()
+        self._check_between()
 
-    def _scan_still(self, pairs: list[Pair], boxes: PartBoxes) -> None:
-        """Pairs that stay as they are: one look is enough."""
+    def _scan_static(self, pairs: list[Pair], boxes: PartBoxes) -> None:
+        """Measures pairs without relative motion, at the first sample only."""
         gaps = boxes.gaps(*boxes.rows(pairs), np.zeros(len(pairs), int))
         for i in np.flatnonzero(gaps <= -limits.PENETRATION):
-            _Walk(self, pairs[i]).distance(0)
+            _PairDistances(self, pairs[i]).distance(0)
 
     def _scan_moving(self, pairs: list[Pair], boxes: PartBoxes) -> None:
-        """Pairs at the samples, nearest first, so that the smallest clearance is known early."""
+        """Measures moving pairs at the samples, nearest first, so that the smallest clearance is known early."""
         bounds = Bounds(self.world, boxes, pairs)
-        walks = [_Walk(self, pair, travelled) for pair, travelled in zip(pairs, bounds.travelled, strict=True)]
+        measured = [_PairDistances(self, pair, bound) for pair, bound in zip(pairs, bounds.travelled, strict=True)]
         nearest = bounds.at_anchors.min(axis=1)
         order = np.argsort(nearest, kind="stable").tolist()
         for i in order:
             if pairs[i].clearance and nearest[i] < self.clearance:
-                walks[i].distance(int(bounds.anchors[bounds.at_anchors[i].argmin()]))
-        suspicious = bounds.suspicious(np.array([self.threshold(pair) for pair in pairs]))
+                measured[i].distance(int(bounds.anchors[bounds.at_anchors[i].argmin()]))
+        uncleared = bounds.uncleared(np.array([self.threshold(pair) for pair in pairs]))
         for i in order:
-            for first, last in suspicious.get(i, ()):
-                walks[i].descend(first, last)
+            for first, last in uncleared.get(i, ()):
+                measured[i].bisect(first, last)
 
     def threshold(self, pair: Pair) -> float:
-        """The distance in metres from which on a pair is of no interest."""
+        """The distance in metres above which a pair needs no further measurement."""
         return max(-limits.PENETRATION, self.clearance if pair.clearance else -np.inf)
 
     def note(self, pair: Pair, time: float, distance: float) -> None:
-        """Take a measured distance into account."""
+        """Records a measured distance (m) of a pair at a time (s)."""
         self.findings.check(Kind.PENETRATION, pair.names, time, -distance, limits.PENETRATION)
         if pair.clearance and distance < self.clearance:
             self.clearance = distance
 
-    def _look_between(self) -> None:
-        waiting = [r for r in self.requests if not self.findings.has(Kind.PENETRATION, r.pair.names)]
-        for group in _grouped(sorted(waiting, key=lambda request: request.step)):
-            pieces: dict[int, int] = {}
-            for request in group:
-                pieces[request.step] = max(pieces.get(request.step, 1), request.pieces)
-            grid = _Grid(self.world, pieces)
-            for request in group:
-                self._bisect(request, grid)
+    def _check_between(self) -> None:
+        waiting = [r for r in self.subdivisions if not self.findings.has(Kind.PENETRATION, r.pair.names)]
+        for group in _grouped(sorted(waiting, key=lambda subdivision: subdivision.step)):
+            intervals: dict[int, int] = {}
+            for subdivision in group:
+                intervals[subdivision.step] = max(intervals.get(subdivision.step, 1), subdivision.intervals)
+            subsamples = _Subsamples(self.world, intervals)
+            for subdivision in group:
+                self._bisect(subdivision, subsamples)
 
-    def _bisect(self, request: Request, grid: "_Grid") -> None:
-        """Halve a step down to its pieces where the bound does not rule a penetration out."""
-        pair, step, count, begin, end = request
+    def _bisect(self, subdivision: Subdivision, subsamples: "_Subsamples") -> None:
+        """Bisects a step down to its intervals wherever the bound does not exclude a penetration."""
+        pair, step, count, begin, end = subdivision
         stack = [(0, count, begin, end)]
         while stack:
             i, j, d_i, d_j = stack.pop()
@@ -105,21 +110,24 @@ class Scan:
             if j - i < 2 or (d_i + d_j - motion) / 2.0 >= -limits.PENETRATION:
                 continue
             middle = (i + j) // 2
-            d_middle = self._measure(pair, step, middle, count, grid)
+            d_middle = self._measure(pair, step, middle, count, subsamples)
             stack += [(i, middle, d_i, d_middle), (middle, j, d_middle, d_j)]
 
-    def _measure(self, pair: Pair, step: int, j: int, count: int, grid: "_Grid") -> float:
-        k = grid.index(step, j, count)
-        distance = pair.gauge.distance(grid.track(pair.a).at(k), grid.track(pair.b).at(k))
+    def _measure(self, pair: Pair, step: int, j: int, count: int, subsamples: "_Subsamples") -> float:
+        k = subsamples.index(step, j, count)
+        distance = pair.gauge.distance(subsamples.track(pair.a).at(k), subsamples.track(pair.b).at(k))
         dt = self.world.document.dt
         self.note(pair, (step + j / count) * dt, distance)
         return distance
 
 
-class _Walk:
-    """One pair at the samples: distances, measured where needed.
+class _PairDistances:
+    """Distances of one pair at the samples, measured on demand.
 
-    ``travelled`` (N,) bounds in metres how far the two have moved against each other; None for a pair that stays.
+    Args:
+        scan: receives the measurements.
+        pair: the pair.
+        travelled: (N,) bound on the relative motion since the start, m; None for a pair without relative motion.
     """
 
     def __init__(self, scan: Scan, pair: Pair, travelled: np.ndarray | None = None):
@@ -130,14 +138,14 @@ class _Walk:
         self._a, self._b = scan.world.tracks[pair.a], scan.world.tracks[pair.b]
 
     def distance(self, k: int) -> float:
-        """The measured distance at a sample."""
+        """The measured distance in metres at sample k."""
         if k not in self._measured:
             distance = self._measured[k] = self._pair.gauge.distance(self._a.at(k), self._b.at(k))
             self._scan.note(self._pair, self._scan.world.document.time[k], distance)
         return self._measured[k]
 
-    def descend(self, first: int, last: int) -> None:
-        """Halve a run of steps until the bounds clear it or single steps remain, and ask for a look inside those."""
+    def bisect(self, first: int, last: int) -> None:
+        """Bisects a run of steps until the bounds clear it; single steps that are not clear are subdivided later."""
         travelled = self._travelled[first : last + 1].tolist()
         stack = [(first, last, self.distance(first), self.distance(last))]
         while stack:
@@ -151,35 +159,40 @@ class _Walk:
                 d_middle = self.distance(middle)
                 stack += [(middle, j, d_middle, d_j), (i, middle, d_i, d_middle)]
             elif nearest < -limits.PENETRATION and motion > limits.MOTION_BOUND:
-                self._scan.requests.append(Request(self._pair, i, _pieces(motion), d_i, d_j))
+                self._scan.subdivisions.append(Subdivision(self._pair, i, _intervals(motion), d_i, d_j))
 
 
-def _pieces(motion: float) -> int:
-    """A power of two that cuts a motion (metres) into pieces under the bound."""
-    pieces = 2 ** int(np.ceil(np.log2(min(motion / limits.MOTION_BOUND, float(limits.MAX_SUBDIVISION)))))
-    return max(2, pieces)
+def _intervals(motion: float) -> int:
+    """The number of intervals, a power of two, that divides a motion (m) into parts below ``limits.MOTION_BOUND``."""
+    intervals = 2 ** int(np.ceil(np.log2(min(motion / limits.MOTION_BOUND, float(limits.MAX_SUBDIVISION)))))
+    return max(2, intervals)
 
 
-def _grouped(requests: list[Request]) -> list[list[Request]]:
-    """Cut requests, sorted by step, into groups whose instants fit in memory together."""
-    groups: list[list[Request]] = []
-    size, last = limits.INSTANTS_AT_ONCE, -1
-    for request in requests:
-        if request.step != last and size >= limits.INSTANTS_AT_ONCE:
+def _grouped(subdivisions: list[Subdivision]) -> list[list[Subdivision]]:
+    """Splits subdivisions, sorted by step, into groups whose instants fit in memory."""
+    groups: list[list[Subdivision]] = []
+    size, last = limits.MAX_INSTANTS, -1
+    for subdivision in subdivisions:
+        if subdivision.step != last and size >= limits.MAX_INSTANTS:
             groups.append([])
             size = 0
-        size += request.pieces if request.step != last else 0
-        last = request.step
-        groups[-1].append(request)
+        size += subdivision.intervals if subdivision.step != last else 0
+        last = subdivision.step
+        groups[-1].append(subdivision)
     return groups
 
 
-class _Grid:
-    """The world inside some steps, where its pieces meet; ``pieces`` is step -> number of pieces, a power of two."""
+class _Subsamples:
+    """The world at the interval borders inside some steps.
 
-    def __init__(self, world: World, pieces: dict[int, int]):
-        steps = sorted(pieces)
-        counts = np.array([pieces[step] for step in steps])
+    Args:
+        world: the plan.
+        intervals: step -> number of intervals, a power of two.
+    """
+
+    def __init__(self, world: World, intervals: dict[int, int]):
+        steps = sorted(intervals)
+        counts = np.array([intervals[step] for step in steps])
         self._count = dict(zip(steps, counts.tolist(), strict=True))
         self._offset = dict(zip(steps, np.cumsum(np.append(0, counts[:-1] - 1)).tolist(), strict=True))
         fractions = np.concatenate([np.arange(1, count) / count for count in counts])
@@ -187,17 +200,26 @@ class _Grid:
         self._tracks: dict = {}
 
     def index(self, step: int, j: int, count: int) -> int:
-        """Where the end of piece j, of ``count`` in a step, is stored."""
+        """Storage index of the end of interval j, of ``count`` intervals of a step."""
         return self._offset[step] + j * (self._count[step] // count) - 1
 
-    def track(self, part) -> Track:
+    def track(self, part: Part) -> Track:
         if part not in self._tracks:
             self._tracks[part] = Track(part, self._state)
         return self._tracks[part]
 
 
 def check(world: World, pairs: list[Pair], findings: Findings) -> float | None:
-    """Report every penetration; the smallest clearance in metres, None when no pair counts."""
+    """Reports every penetration.
+
+    Args:
+        world: the plan.
+        pairs: the pairs to check.
+        findings: receives the violations.
+
+    Returns:
+        The smallest clearance in metres; None if no pair counts for it.
+    """
     scan = Scan(world, findings)
     scan.run(pairs)
     return float(scan.clearance) if np.isfinite(scan.clearance) else None

@@ -1,4 +1,4 @@
-"""Who holds what when: contact segments, slip, and objects that move by themselves."""
+"""Contacts of a plan: contact segments, slip, and steps in which an object is touched."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -9,19 +9,21 @@ from hmap_core.validation import limits, rigid
 from hmap_core.validation.document import SegmentData
 from hmap_core.validation.geometry import Gauge
 from hmap_core.validation.report import Findings, Kind
-from hmap_core.validation.world import Part, World
+from hmap_core.validation.world import Part, State, World
 
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """A stretch in which a manipulator touches an object.
+    """An interval in which a manipulator touches an object.
 
     Attributes:
-        segment: where it comes from; its times and samples.
-        kind, object: what is done to what.
-        expected: the manipulator's frame in the object's, (7,), as the file says; None when it does not.
-        held_tool: this is the robot's hold on the tool with which the segment touches its object.
-        began: the sample since which the two touch without a break, maybe through several segments.
+        world: the plan.
+        segment: the segment of the plan that makes the contact; gives its times and samples.
+        kind: contact kind: ``touch``, ``grasp`` or ``push``.
+        object: the object.
+        expected: (7,) pose of the manipulator in the object frame as the file gives it; None if it does not.
+        tool_grasp: True for the grasp of a tool that implies the contact between tool and object.
+        began: the sample since which the two have been in contact without a break, possibly through several segments.
     """
 
     world: World
@@ -29,45 +31,57 @@ class Contact:
     kind: str
     object: str
     expected: np.ndarray | None
-    held_tool: bool = False
+    tool_grasp: bool = False
     began: int = 0
 
     @property
     def robot(self) -> str:
+        """Name of the robot."""
         return self.segment.robot
 
     @property
     def by_tool(self) -> bool:
-        return not self.held_tool and self.segment.manipulator in self.world.document.bodies
+        """Whether a tool, and not the end effector, touches the object."""
+        return not self.tool_grasp and self.segment.manipulator in self.world.document.bodies
 
     @property
     def window(self) -> slice:
-        """The samples of the contact, both ends included."""
+        """The samples of the contact, including both ends."""
         return slice(self.segment.first, self.segment.last + 1)
 
     @property
     def manipulator(self) -> str:
-        """Its name in reports."""
+        """Name of the manipulator in reports."""
         return self.segment.manipulator if self.by_tool else f"{self.robot}/{self.end_effector}"
 
     @property
     def end_effector(self) -> str:
+        """Name of the robot's end-effector link."""
         return self.world.arms[self.robot].data.end_effector_link
 
     @property
     def bodies(self) -> tuple[str, str]:
+        """Names of the manipulator and the object in reports."""
         return self.manipulator, self.object
 
     @cached_property
     def touching(self) -> dict[str, list[Part]]:
-        """The parts that may touch, by owner: each finger, or the tool."""
+        """The parts that may touch the object, by owner: one entry for each finger, or one for the tool."""
         if self.by_tool:
             return {self.segment.manipulator: self.world.parts_of(self.segment.manipulator)}
         fingers = self.world.arms[self.robot].fingers()
         return {f"{self.robot}/{link}": self.world.parts_of(self.robot, (link,)) for link in fingers}
 
-    def relative(self, state, window: slice) -> tuple[np.ndarray, np.ndarray]:
-        """The manipulator's frame in the object's: rotations (n, 3, 3) and positions (n, 3)."""
+    def relative(self, state: State, window: slice) -> tuple[np.ndarray, np.ndarray]:
+        """Pose of the manipulator frame in the object frame.
+
+        Args:
+            state: the world at some instants.
+            window: the instants to evaluate.
+
+        Returns:
+            Rotations (n, 3, 3) and positions (n, 3).
+        """
         if self.by_tool:
             R, p = state.bodies[self.segment.manipulator]
         else:
@@ -77,11 +91,11 @@ class Contact:
 
     @cached_property
     def gap(self) -> np.ndarray:
-        """The distance in metres that counts for the contact, (n,) at its samples.
+        """Contact gap (n,) at the samples of the contact, in metres.
 
-        That of the farther finger of a grasp, of the nearest part of a touch or push. It is measured at the first
-        sample; where that and the motion since then show that it is at most ``limits.CONTACT_GAP``, this upper bound
-        stands for it.
+        The gap is the distance of the farther finger of a grasp, and of the nearest part of a touch or push. It is
+        measured at the first sample. Where that distance plus the motion since then is at most ``limits.CONTACT_GAP``,
+        this upper bound replaces the measurement.
         """
         combine = np.max if self.kind == "grasp" and not self.by_tool else np.min
         first, objects = self.segment.first, self.world.parts_of(self.object)
@@ -92,10 +106,7 @@ class Contact:
         return gap
 
     def _moved(self, pairs: list[tuple[Part, Part, Gauge]]) -> np.ndarray:
-        """How far (n,) in metres the object's points are from where they were at first, at most.
-
-        As seen from the body or link to which the touching parts belong.
-        """
+        """Bound (n,) on the motion of the object's points since the first sample, relative to the touching parts, m."""
         state, samples = self.world.state, self.window
         if not pairs:
             return np.zeros(samples.stop - samples.start)
@@ -109,7 +120,11 @@ class Contact:
         return min((gauge.distance(tracks[a].at(k), tracks[b].at(k)) for a, b, gauge in pairs), default=np.inf)
 
     def normals(self, k: int) -> list[tuple[np.ndarray, np.ndarray]]:
-        """For each owner, where it touches at sample k: the point (3,) on the object and the normal (3,) into it."""
+        """The contact position and normal of each owner at sample k.
+
+        Returns:
+            For each owner, the point (3,) on the object and the unit normal (3,) into it, world frame.
+        """
         found = []
         for parts in self.touching.values():
             pairs = [(a, b) for a in parts for b in self.world.parts_of(self.object)]
@@ -123,18 +138,18 @@ def _witness(world: World, a: Part, b: Part, k: int) -> tuple[float, np.ndarray,
 
 
 def collect(world: World) -> list[Contact]:
-    """All contacts by time, and for each that a tool makes, the robot's hold on the tool."""
+    """All contacts of a plan, by time. Each contact of a tool is followed by the robot's grasp of that tool."""
     contacts: list[Contact] = []
     for segment in world.document.contacts:
         contact = Contact(world, segment, segment.kind, segment.object, segment.contact_pose)
         contacts.append(contact)
         if contact.by_tool:
-            contacts.append(_hold(world, segment))
+            contacts.append(_tool_grasp(world, segment))
     return _linked(contacts)
 
 
 def _linked(contacts: list[Contact]) -> list[Contact]:
-    """The same contacts, each with the beginning of the unbroken row it belongs to."""
+    """The same contacts, each with the first sample of the unbroken sequence of contacts that it belongs to."""
     linked: list[Contact] = []
     for contact in contacts:
         key = contact.bodies, contact.segment.first
@@ -143,18 +158,22 @@ def _linked(contacts: list[Contact]) -> list[Contact]:
     return linked
 
 
-def _hold(world: World, segment: SegmentData) -> Contact:
-    """The grip on a tool: as in the robot's last segment that had the tool as its object."""
+def _tool_grasp(world: World, segment: SegmentData) -> Contact:
+    """The grasp of a tool during a segment: as in the robot's last segment whose object was the tool."""
     tool = segment.manipulator
-    holds = [s for s in world.document.contacts if (s.robot, s.object) == (segment.robot, tool)]
-    earlier = [s for s in holds if s.last <= segment.first]
+    grasps = [s for s in world.document.contacts if (s.robot, s.object) == (segment.robot, tool)]
+    earlier = [s for s in grasps if s.last <= segment.first]
     last = max(earlier, key=lambda s: s.last, default=None)
     kind = last.kind if last is not None else "touch"
-    return Contact(world, segment, kind, tool, last.contact_pose if last else None, held_tool=True)
+    return Contact(world, segment, kind, tool, last.contact_pose if last else None, tool_grasp=True)
 
 
 def _worst(distances: np.ndarray, angles: np.ndarray) -> tuple[int, float, float]:
-    """Where, how much and of which limit the pose deviates most: metres, or degrees when that is worse."""
+    """The largest deviation relative to its limit.
+
+    Returns:
+        The sample, the deviation and its limit: metres, or degrees if the rotation deviates more.
+    """
     by_position = distances / limits.SLIP_POSITION
     by_rotation = angles / limits.SLIP_ROTATION
     k = int(np.maximum(by_position, by_rotation).argmax())
@@ -164,9 +183,9 @@ def _worst(distances: np.ndarray, angles: np.ndarray) -> tuple[int, float, float
 
 
 def _check_pose(contact: Contact, findings: Findings) -> None:
-    """The relative pose at the contact's start, and its constancy at the samples and half-way between.
+    """Checks the relative pose at the start of the contact, and its constancy at the samples and half-way between.
 
-    Constant means as when the two first touched: a row of short segments may not creep.
+    The reference is the pose at the beginning of the unbroken contact, so slip cannot accumulate over short segments.
     """
     world, segment = contact.world, contact.segment
     R, p = contact.relative(world.state, contact.window)
@@ -190,7 +209,7 @@ def _check_gap(contact: Contact, findings: Findings) -> None:
 
 
 def _check_opposed(contact: Contact, findings: Findings) -> None:
-    """The two fingers of a grasp press from opposite sides: the normals of their contacts face each other."""
+    """Checks that the contact normals of the two fingers of a grasp are opposite."""
     if contact.kind != "grasp" or contact.by_tool or len(contact.touching) != 2 or contact.gap[0] > limits.CONTACT_GAP:
         return
     (_, normal_a), (_, normal_b) = contact.normals(contact.segment.first)
@@ -199,24 +218,33 @@ def _check_opposed(contact: Contact, findings: Findings) -> None:
     findings.check(Kind.GRASP_NOT_OPPOSED, contact.bodies, contact.segment.start, angle, limit)
 
 
-def held_steps(world: World, contacts: list[Contact], name: str) -> np.ndarray:
-    """The steps (N-1,) in which something really touches an object."""
-    held = np.zeros(world.samples - 1, bool)
+def touched_steps(world: World, contacts: list[Contact], name: str) -> np.ndarray:
+    """The steps in which a manipulator touches an object.
+
+    Args:
+        world: the plan.
+        contacts: all contacts of the plan.
+        name: the object.
+
+    Returns:
+        Mask (N-1,); true where the contact gap is within its limit at both ends of the step.
+    """
+    touched = np.zeros(world.samples - 1, bool)
     for contact in contacts:
         if contact.object == name:
             near = contact.gap <= limits.CONTACT_GAP
-            held[contact.segment.first : contact.segment.last] |= near[:-1] & near[1:]
-    return held
+            touched[contact.segment.first : contact.segment.last] |= near[:-1] & near[1:]
+    return touched
 
 
 def runs(mask: np.ndarray) -> list[tuple[int, int]]:
-    """Stretches of true steps as (first, last) samples."""
+    """Runs of true steps in a mask (N-1,), as (first sample, last sample)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def check(world: World, contacts: list[Contact], findings: Findings) -> None:
-    """Report contacts that are not there, slip, or are elsewhere than the file says."""
+    """Reports missing contacts, slip, and contact poses that differ from the file."""
     for contact in contacts:
         _check_gap(contact, findings)
         _check_pose(contact, findings)

@@ -1,11 +1,14 @@
-"""The plan file as arrays: reads the dict and refuses what cannot be judged (``docs/validation.md`` lists the keys)."""
+"""The plan file as arrays: reads the dict and rejects files that cannot be judged.
+
+``docs/validation.md`` lists the keys that are read.
+"""
 
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from hmap_core.validation import limits
-from hmap_core.validation.files import unusable
+from hmap_core.validation.files import invalid_plan
 from hmap_core.validation.reader import Reader
 
 FORMAT = "hmap-plan"
@@ -15,15 +18,20 @@ BODY_KINDS = ("fixed", "movable", "tool")
 CONTACT_KINDS = ("touch", "grasp", "push")
 SEGMENT_KINDS = ("transit", *CONTACT_KINDS)
 SIZES = {"box": 3, "cylinder": 2, "sphere": 1, "capsule": 2, "mesh": 3}
-STANDSTILL = 1.0  # s, for which a plan of a single sample, which has nothing to do, is judged
+SINGLE_SAMPLE_DURATION = 1.0  # s, duration over which a plan with one sample is judged
 IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
 class ShapeData:
-    """A convex shape at ``pose`` (7,) in its body's frame; sizes as in the plan file.
+    """A convex shape; sizes as in the plan file.
 
-    A mesh is given by the points (V, 3) of its hull before scaling, or by the URI of its file.
+    Attributes:
+        kind: box, cylinder, sphere, capsule or mesh.
+        size: as in the plan file, m; of a mesh the scale.
+        pose: (7,) in the body frame.
+        mesh: URI of the file of a mesh without vertices.
+        vertices: (V, 3) of the hull of a mesh, before scaling.
     """
 
     kind: str
@@ -35,6 +43,8 @@ class ShapeData:
 
 @dataclass(frozen=True)
 class BodyData:
+    """A body of the scene."""
+
     name: str
     kind: str
     shapes: tuple[ShapeData, ...]
@@ -43,15 +53,16 @@ class BodyData:
 
     @property
     def fixed(self) -> bool:
+        """Whether the body never moves."""
         return self.kind == "fixed"
 
 
 @dataclass(frozen=True)
 class GripperData:
-    """A gripper: joint i is at ``at_zero[i] + travel * per_joint[i]``.
+    """A gripper. Joint i has the value ``at_zero[i] + travel * per_joint[i]``.
 
-    Travel is the opening in metres; where ``openings`` (M,) are given, it is i / (M - 1) at the i-th of them and linear
-    in between.
+    Travel is the opening in metres. If ``openings`` (M,) are given, travel is i / (M - 1) at the i-th of them and
+    linear in between.
     """
 
     joint_names: tuple[str, ...]
@@ -71,6 +82,8 @@ class GripperData:
 
 @dataclass(frozen=True)
 class RobotData:
+    """A robot of the scene, at its base pose ``T_world_base`` (7,)."""
+
     name: str
     urdf: str
     base_pose: np.ndarray
@@ -88,6 +101,8 @@ class RobotData:
 
 @dataclass(frozen=True)
 class GoalData:
+    """The goal: an object, its goal pose (7,), and tolerances in metres and radians."""
+
     object: str
     pose: np.ndarray
     position_tolerance: float
@@ -96,7 +111,16 @@ class GoalData:
 
 @dataclass(frozen=True)
 class SegmentData:
-    """A stretch of the plan; ``first`` and ``last`` are the samples at its ends."""
+    """A segment of the plan.
+
+    Attributes:
+        start, end: s.
+        first, last: the samples nearest to these times.
+        robot, manipulator: names.
+        object: name of the object; None in transit.
+        kind: ``transit`` or a contact kind.
+        contact_pose: (7,) of the manipulator in the object frame; None in transit.
+    """
 
     start: float
     end: float
@@ -123,7 +147,7 @@ class Document:
     gripper: dict[str, np.ndarray]  # robot -> (N,)
     objects: dict[str, np.ndarray]  # body -> (N, 7), every body whose poses the file gives
     segments: tuple[SegmentData, ...]
-    contacts: tuple[SegmentData, ...] = field(default=())  # the segments in which something is touched
+    contacts: tuple[SegmentData, ...] = field(default=())  # the segments with contact
 
 
 def _not_negative(value: float) -> bool:
@@ -154,7 +178,7 @@ def _body(reader: Reader) -> BodyData:
             reader.get("parts").fail("at least one part is needed")
     else:
         single = dict(reader.value)
-        single.pop("pose", None)  # this one is the body's
+        single.pop("pose", None)  # the pose of the body, not of the shape
         shapes = (_shape(Reader(single, reader.where)),)
     friction = reader.find("friction")
     return BodyData(
@@ -166,8 +190,8 @@ def _body(reader: Reader) -> BodyData:
     )
 
 
-def _each(reader: Reader, count: int) -> np.ndarray:
-    """One number for each of some joints, (count,), given so or as one for all."""
+def _per_joint(reader: Reader, count: int) -> np.ndarray:
+    """One number for each of ``count`` joints, from a list or from a single number for all."""
     return reader.array((count,)) if isinstance(reader.value, list) else np.full(count, reader.number())
 
 
@@ -183,11 +207,11 @@ def _gripper(reader: Reader | None) -> GripperData | None:
         table.fail("two or more increasing numbers are needed, or none")
     return GripperData(
         joint_names=joint_names,
-        per_joint=_each(reader.get("per_joint"), len(joint_names)),
+        per_joint=_per_joint(reader.get("per_joint"), len(joint_names)),
         finger_links=reader.get("finger_links").texts(),
         min_opening=0.0 if low is None else low.number(),
         max_opening=np.inf if high is None else high.number(),
-        at_zero=np.zeros(len(joint_names)) if at_zero is None else _each(at_zero, len(joint_names)),
+        at_zero=np.zeros(len(joint_names)) if at_zero is None else _per_joint(at_zero, len(joint_names)),
         openings=openings,
     )
 
@@ -229,38 +253,38 @@ def _goal(reader: Reader, bodies: dict[str, BodyData]) -> GoalData:
 def _times(reader: Reader) -> tuple[np.ndarray, float]:
     time = reader.array((None,))
     if len(time) == 0:
-        raise unusable(f"{reader.where}: no samples; at least one is needed")
+        raise invalid_plan(f"{reader.where}: no samples; at least one is needed")
     if len(time) == 1 and time[0] == 0.0:
-        return time, STANDSTILL
+        return time, SINGLE_SAMPLE_DURATION
     back = np.diff(time) <= 0.0
     if back.any():
-        raise unusable(f"{reader.where}: times must increase; sample {int(back.argmax()) + 1} does not")
+        raise invalid_plan(f"{reader.where}: times must increase; sample {int(back.argmax()) + 1} does not")
     dt = time[-1] / max(len(time) - 1, 1)
     off = np.abs(time - dt * np.arange(len(time)))
     if off.max() > limits.TIME_UNIFORMITY * dt:
         k = int(off.argmax())
-        raise unusable(f"{reader.where}[{k}]: {time[k]:g} s; samples must be uniform from 0 (here {k * dt:g} s)")
+        raise invalid_plan(f"{reader.where}[{k}]: {time[k]:g} s; samples must be uniform from 0 (here {k * dt:g} s)")
     return time, float(dt)
 
 
-def _known(readers: list[tuple[str, Reader]], allowed: dict, what: str) -> list[tuple[str, Reader]]:
+def _check_known(readers: list[tuple[str, Reader]], allowed: dict, what: str) -> list[tuple[str, Reader]]:
     for name, reader in readers:
         if name not in allowed:
-            raise unusable(f"{reader.where}: no {what} of that name; there is {', '.join(allowed) or 'none'}")
+            raise invalid_plan(f"{reader.where}: no {what} of that name; there is {', '.join(allowed) or 'none'}")
     return readers
 
 
 def _joints(reader: Reader, robots: dict[str, RobotData], N: int) -> dict[str, np.ndarray]:
-    _known(reader.items(), robots, "robot")
+    _check_known(reader.items(), robots, "robot")
     return {name: reader.get(name).array((N, len(robot.joint_names))) for name, robot in robots.items()}
 
 
 def _openings(reader: Reader | None, robots: dict[str, RobotData], N: int) -> dict[str, np.ndarray]:
-    given = {} if reader is None else dict(_known(reader.items(), robots, "robot"))
+    given = {} if reader is None else dict(_check_known(reader.items(), robots, "robot"))
     openings = {}
     for name, robot in robots.items():
         if robot.gripper is not None and name not in given:
-            raise unusable(f"trajectory.gripper: no key {name!r}, and that robot has a gripper")
+            raise invalid_plan(f"trajectory.gripper: no key {name!r}, and that robot has a gripper")
         openings[name] = given[name].array((N,)) if robot.gripper is not None else np.zeros(N)
     return openings
 
@@ -274,7 +298,9 @@ def _segment(reader: Reader, robots: dict, bodies: dict, dt: float, N: int) -> S
     start, end = reader.get("start").number(), reader.get("end").number()
     first, last = round(start / dt), round(end / dt)
     if not 0 <= first <= last <= N - 1:
-        raise unusable(f"{reader.where}: from {start:g} to {end:g} s; start before end, within 0 to {(N - 1) * dt:g} s")
+        raise invalid_plan(
+            f"{reader.where}: from {start:g} to {end:g} s; start before end, within 0 to {(N - 1) * dt:g} s"
+        )
     contact = kind in CONTACT_KINDS
     robot = reader.get("robot").text(tuple(robots))
     movable = tuple(name for name, body in bodies.items() if not body.fixed)
@@ -283,33 +309,39 @@ def _segment(reader: Reader, robots: dict, bodies: dict, dt: float, N: int) -> S
     manipulator = reader.get("manipulator").text(_manipulators(robots[robot], bodies))
     name = None if target is None else target.text(allowed)
     if contact and name == manipulator:
-        raise unusable(f"{reader.where}: {name!r} is both the manipulator and the object")
+        raise invalid_plan(f"{reader.where}: {name!r} is both the manipulator and the object")
     pose = reader.get("contact_pose").poses() if contact else None
     return SegmentData(start, end, first, last, robot, manipulator, name, kind, pose)
 
 
 def _segments(reader: Reader, robots: dict, bodies: dict, dt: float, N: int) -> tuple[SegmentData, ...]:
     given = [_segment(element, robots, bodies, dt, N) for element in reader.elements()]
-    segments = sorted((s for s in given if s.first < s.last), key=lambda s: s.first)  # a shorter one does nothing
+    segments = sorted((s for s in given if s.first < s.last), key=lambda s: s.first)  # without empty segments
     covered = 0
     busy: dict[str, int] = {}
     for segment in segments:
         if segment.first > covered:
             break
         if segment.first < busy.get(segment.robot, 0):
-            raise unusable(f"{reader.where}: robot {segment.robot!r} is in two segments at {segment.start:g} s")
+            raise invalid_plan(f"{reader.where}: robot {segment.robot!r} is in two segments at {segment.start:g} s")
         busy[segment.robot] = segment.last
         covered = max(covered, segment.last)
     if covered != N - 1:
-        raise unusable(f"{reader.where}: nothing covers the time after {covered * dt:g} s; no gaps are allowed")
+        raise invalid_plan(f"{reader.where}: nothing covers the time after {covered * dt:g} s; no gaps are allowed")
     return tuple(segments)
 
 
 def read(plan: dict) -> Document:
-    """The plan dict as arrays.
+    """Reads a plan.
+
+    Args:
+        plan: the content of a plan file.
+
+    Returns:
+        The plan as arrays. A plan with one sample becomes one with two equal samples.
 
     Raises:
-        InputError: code ``INVALID_PLAN_FILE``; something is missing, of a wrong shape or kind, not finite or unknown.
+        InputError: INVALID_PLAN_FILE; a key is missing, a name is unknown, or a value has a wrong type, shape or range.
     """
     top = Reader(plan, "plan")
     top.get("format").text((FORMAT,))
@@ -318,12 +350,12 @@ def read(plan: dict) -> Document:
     mode = top.get("mode").text(MODES)
     bodies = {body.name: body for body in map(_body, top.get("scene").get("bodies").elements())}
     if len(bodies) != len(top.get("scene").get("bodies").elements()):
-        raise unusable("plan.scene.bodies: two bodies have the same name")
+        raise invalid_plan("plan.scene.bodies: two bodies have the same name")
     robots = {name: _robot(name, reader) for name, reader in top.get("robots").items()}
     trajectory = top.get("trajectory")
     time, dt = _times(trajectory.get("time"))
     N = len(time)
-    objects = _known(trajectory.get("objects").items(), bodies, "body")
+    objects = _check_known(trajectory.get("objects").items(), bodies, "body")
     segments = _segments(top.get("segments"), robots, bodies, dt, N)
     document = Document(
         mode=mode,
@@ -338,11 +370,11 @@ def read(plan: dict) -> Document:
         segments=segments,
         contacts=tuple(s for s in segments if s.kind in CONTACT_KINDS),
     )
-    return document if N > 1 else _held(document)
+    return document if N > 1 else _two_samples(document)
 
 
-def _held(document: Document) -> Document:
-    """A plan of one sample as one of two."""
+def _two_samples(document: Document) -> Document:
+    """Turns a plan with one sample into one with two equal samples."""
 
     def twice(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         return {name: np.repeat(array, 2, axis=0) for name, array in arrays.items()}

@@ -1,4 +1,4 @@
-"""Files that a plan names by URI, and the points of a mesh."""
+"""Files that a plan names by URI, and the vertices of mesh files."""
 
 from importlib.util import find_spec
 from pathlib import Path
@@ -10,28 +10,33 @@ from hmap_core.exceptions import Code, InputError
 PACKAGES = ("pybullet_data", "hmap_scenes")  # data packages that a URI may name; they are not imported
 
 
-def unusable(reason: str) -> InputError:
-    """The error for a plan file that cannot be judged."""
+def invalid_plan(reason: str) -> InputError:
+    """The exception for a plan file that cannot be judged: INVALID_PLAN_FILE."""
     return InputError(reason, Code.INVALID_PLAN_FILE)
 
 
 def _root(scheme: str, uri: str) -> Path:
     if scheme not in PACKAGES:
         allowed = ", ".join(PACKAGES)
-        raise unusable(f"{uri!r}: unknown scheme {scheme!r}; allowed are {allowed}, file, or a plain path")
+        raise invalid_plan(f"{uri!r}: unknown scheme {scheme!r}; allowed are {allowed}, file, or a plain path")
     spec = find_spec(scheme)
     if spec is None or not spec.submodule_search_locations:
-        raise unusable(f"{uri!r}: the Python package {scheme!r} is not installed")
+        raise invalid_plan(f"{uri!r}: the Python package {scheme!r} is not installed")
     return Path(next(iter(spec.submodule_search_locations)))
 
 
 def locate(uri: str) -> Path:
-    """The file on this machine that a URI means.
+    """Path of the file that a URI names.
 
-    ``pybullet_data://`` and ``hmap_scenes://`` are relative to those packages; ``file://`` or nothing is a plain path.
+    Args:
+        uri: ``pybullet_data://`` and ``hmap_scenes://`` are relative to these packages; ``file://`` or no scheme is a
+            path.
+
+    Returns:
+        The path.
 
     Raises:
-        InputError: the scheme is unknown or there is no such file.
+        InputError: INVALID_PLAN_FILE; the scheme is unknown or the file does not exist.
     """
     scheme, separator, rest = uri.partition("://")
     if not separator:
@@ -41,22 +46,28 @@ def locate(uri: str) -> Path:
     else:
         path = _root(scheme, uri) / rest
     if not path.is_file():
-        raise unusable(f"{uri!r}: no such file ({path})")
+        raise invalid_plan(f"{uri!r}: no such file ({path})")
     return path
 
 
 def mesh_points(path: Path) -> np.ndarray:
-    """Vertices (V, 3) of a mesh file, in its own units.
+    """Vertices of a mesh file.
+
+    Args:
+        path: the file.
+
+    Returns:
+        (V, 3), in the units of the file.
 
     Raises:
-        InputError: the file cannot be read or holds fewer than four points.
+        InputError: INVALID_PLAN_FILE; the file cannot be read or has fewer than four vertices.
     """
     try:
         points = _obj_points(path) if path.suffix.lower() == ".obj" else _other_points(path)
     except Exception as error:
-        raise unusable(f"mesh {path}: {error}") from error
+        raise invalid_plan(f"mesh {path}: {error}") from error
     if len(points) < 4:
-        raise unusable(f"mesh {path}: {len(points)} points; a solid needs at least 4")
+        raise invalid_plan(f"mesh {path}: {len(points)} points; a solid needs at least 4")
     return points
 
 
@@ -66,6 +77,6 @@ def _obj_points(path: Path) -> np.ndarray:
 
 
 def _other_points(path: Path) -> np.ndarray:
-    import trimesh  # slow to import, and OBJ files do without it
+    import trimesh  # slow to import, and not needed for OBJ files
 
     return np.asarray(trimesh.load(path, force="mesh").vertices, float)

@@ -1,4 +1,4 @@
-"""Convex shapes: exact distances through coal, boxes around them, and their points."""
+"""Convex shapes: exact distances with coal, bounding boxes, and vertices."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -9,11 +9,11 @@ from scipy.spatial import ConvexHull, QhullError
 
 from hmap_core.validation import rigid
 from hmap_core.validation.document import ShapeData
-from hmap_core.validation.files import locate, mesh_points, unusable
+from hmap_core.validation.files import invalid_plan, locate, mesh_points
 
-RIM = 64  # corners by which a circle is replaced where a polytope is needed
-BALL = 128  # points by which a ball is replaced there; two of them are its exact top and bottom
-NO_ANSWER = 1e3  # m, larger than any scene; what is beyond is no distance, and never lets a plan pass
+RIM_POINTS = 64  # vertices of the polygon that approximates a circle
+BALL_POINTS = 128  # vertices of the polytope that approximates a ball; its top and bottom are exact
+MAX_DISTANCE = 1e3  # m, larger than any scene; a larger result of coal counts as penetration
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,10 +23,12 @@ class Solid:
     Attributes:
         kind, size: as in the plan file; a mesh is its convex hull.
         geometry: the coal object.
-        points: (V, 3) the shape is their convex hull, swept by a ball of radius ``ball``, or lies within 0.2 % of it
-            (the 64 corners of a cylinder's rims).
-        center, half: the box around it.
-        volume, centroid: of uniform density.
+        points: (V, 3) vertices. The shape is their convex hull swept by a ball of radius ``ball``, up to 0.2 % for the
+            rims of cylinders, which are polygons of 64 vertices.
+        ball: radius of the sweeping ball, m.
+        center, half: (3,) centre and half extents of the bounding box, m.
+        volume: m^3.
+        centroid: (3,) of uniform density, m.
     """
 
     kind: str
@@ -51,8 +53,8 @@ def _box(x: float, y: float, z: float) -> Solid:
 
 
 def _cylinder(radius: float, height: float) -> Solid:
-    angles = 2.0 * np.pi * np.arange(RIM) / RIM
-    rim = np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full(RIM, height / 2.0)])
+    angles = 2.0 * np.pi * np.arange(RIM_POINTS) / RIM_POINTS
+    rim = np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full(RIM_POINTS, height / 2.0)])
     points = np.vstack([rim, rim * [1, 1, -1]])
     half = (radius, radius, height / 2.0)
     volume = np.pi * radius**2 * height
@@ -72,15 +74,22 @@ def _capsule(radius: float, height: float) -> Solid:
 
 
 def hull(points: np.ndarray, name: str) -> Solid:
-    """The convex hull of points (V, 3).
+    """Convex hull of points.
+
+    Args:
+        points: (V, 3), m.
+        name: of the shape in error messages.
+
+    Returns:
+        The shape.
 
     Raises:
-        InputError: the points have no volume; ``name`` says whose they are.
+        InputError: INVALID_PLAN_FILE; the points span no volume.
     """
     try:
         result = ConvexHull(points)
     except QhullError as error:
-        raise unusable(f"{name}: its points span no volume") from error
+        raise invalid_plan(f"{name}: its points span no volume") from error
     vertices = points[result.vertices]
     index = np.full(len(points), -1)
     index[result.vertices] = np.arange(len(result.vertices))
@@ -116,23 +125,47 @@ _PRIMITIVES = {"box": _box, "cylinder": _cylinder, "sphere": _sphere, "capsule":
 
 @lru_cache(maxsize=256)
 def solid(kind: str, size: tuple[float, ...], mesh: str | None = None) -> Solid:
-    """The convex shape of a kind and size (of the plan file); meshes by URI, scaled by ``size``."""
+    """Builds a convex shape.
+
+    Args:
+        kind: as in the plan file.
+        size: as in the plan file, m; the scale of a mesh.
+        mesh: URI of the file of a mesh.
+
+    Returns:
+        The shape, from a cache.
+
+    Raises:
+        InputError: INVALID_PLAN_FILE; the mesh file is missing, cannot be read or spans no volume.
+    """
     if kind in _PRIMITIVES:
         return _PRIMITIVES[kind](*size)
     return hull(mesh_points(locate(mesh)) * np.asarray(size), f"mesh {mesh!r}")
 
 
 def solid_of(shape: ShapeData) -> Solid:
-    """The convex shape that a plan file describes."""
+    """Builds the convex shape that a plan file describes.
+
+    Raises:
+        InputError: INVALID_PLAN_FILE; the mesh file is missing, cannot be read or spans no volume.
+    """
     if shape.vertices is not None:
         return hull(shape.vertices * np.asarray(shape.size), "mesh")
     return solid(shape.kind, shape.size, shape.mesh)
 
 
 def polytope_points(shape: Solid, R: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Points (V, 3) in the world whose hull is the shape at rotation R (3, 3) and position p (3,).
+    """Vertices of a polytope that approximates a shape.
 
-    Balls become polytopes whose lowest and highest points are exact, as those carry the weight.
+    The lowest and highest points of balls are exact, since these carry the weight.
+
+    Args:
+        shape: the shape.
+        R: (3, 3) rotation of its frame.
+        p: (3,) position of its frame, m.
+
+    Returns:
+        (V, 3), world frame.
     """
     points = shape.points @ R.T + p
     if shape.ball == 0.0:
@@ -142,8 +175,8 @@ def polytope_points(shape: Solid, R: np.ndarray, p: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=1)
 def _unit_ball() -> np.ndarray:
-    z = np.linspace(-1.0, 1.0, BALL)
-    angle = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(BALL)  # Fibonacci lattice
+    z = np.linspace(-1.0, 1.0, BALL_POINTS)
+    angle = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(BALL_POINTS)  # Fibonacci lattice
     radius = np.sqrt(1.0 - z * z)
     return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), z])
 
@@ -156,26 +189,34 @@ def _request():
 
 
 def transform(R: np.ndarray, p: np.ndarray):
-    """The coal transform of a rotation (3, 3) and a position (3,)."""
+    """The coal transform of a rotation R (3, 3) and a position p (3,)."""
     return coal.Transform3s(np.ascontiguousarray(R), np.ascontiguousarray(p))
 
 
 class Gauge:
-    """Signed distance of one pair of shapes; negative is the depth of penetration."""
+    """Measures the signed distance of a pair of shapes; negative values are penetration depths.
+
+    Distances are computed by GJK (Gilbert, Johnson and Keerthi 1988) and EPA (van den Bergen 2001) in coal.
+    """
 
     def __init__(self, a: Solid, b: Solid):
-        self._keep = (a, b)  # coal's functor refers to the geometries
+        self._keep = (a, b)  # the coal functor only borrows the geometries
         self._compute = coal.ComputeDistance(a.geometry, b.geometry)
         self.result = coal.DistanceResult()
 
     def distance(self, Ta, Tb) -> float:
-        """Signed distance in metres at two coal transforms; a penetration of ``NO_ANSWER`` when coal finds none."""
+        """Signed distance in metres at two coal transforms; ``-MAX_DISTANCE`` if coal fails."""
         self.result.clear()
         value = self._compute(Ta, Tb, _request(), self.result)
-        return value if abs(value) < NO_ANSWER else -NO_ANSWER
+        return value if abs(value) < MAX_DISTANCE else -MAX_DISTANCE
 
     def witness(self, Ta, Tb) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
-        """Signed distance, the nearest (deepest) points (3,) of both, and the unit normal from a to b."""
+        """Signed distance with witness points, at two coal transforms.
+
+        Returns:
+            The distance in metres, the nearest (or deepest) points (3,) of both shapes, and the unit normal (3,) from a
+            to b.
+        """
         value = self.distance(Ta, Tb)
         r = self.result
         return value, np.array(r.getNearestPoint1()), np.array(r.getNearestPoint2()), np.array(r.normal)
@@ -183,12 +224,12 @@ class Gauge:
 
 @dataclass(frozen=True)
 class Boxes:
-    """n boxes, one or several at many instants, with the components first so that numpy works along the boxes.
+    """n oriented boxes. The components come first, so that NumPy vectorises over the boxes.
 
     Attributes:
-        axes: (3, 3, n) rotation matrices: the directions of a box's sides are the columns.
-        center: (3, n) in metres.
-        half: (3, n) half sides in metres.
+        axes: (3, 3, n) rotation matrices; the columns are the directions of the sides.
+        center: (3, n), m.
+        half: (3, n) half extents, m.
     """
 
     axes: np.ndarray
@@ -197,13 +238,13 @@ class Boxes:
 
     @classmethod
     def around(cls, shape: Solid, R: np.ndarray, p: np.ndarray) -> "Boxes":
-        """The box around a shape at rotations R (n, 3, 3) and positions p (n, 3)."""
+        """Bounding boxes of a shape at rotations R (n, 3, 3) and positions p (n, 3)."""
         center = p + rigid.apply(R, shape.center)
         return cls(np.moveaxis(R, 0, -1), center.T, np.broadcast_to(shape.half[:, None], (3, len(p))))
 
     @classmethod
     def join(cls, boxes: list["Boxes"]) -> "Boxes":
-        """All of them in a row."""
+        """Concatenates several sets of boxes."""
         parts = ([b.axes for b in boxes], [b.center for b in boxes], [b.half for b in boxes])
         return cls(*(np.concatenate(part, axis=-1) for part in parts))
 
@@ -212,9 +253,15 @@ class Boxes:
 
 
 def box_gap(a: Boxes, b: Boxes) -> np.ndarray:
-    """Lower bounds (n,) of the distances of the shapes in boxes ``a`` from those in ``b``; -inf where they overlap.
+    """Lower bounds on the distances of shapes from their bounding boxes.
 
-    The gaps along the three axes of one box are distances along orthogonal directions, so they add up by Pythagoras.
+    The gaps along the three axes of one box are distances along orthogonal directions, so their squares add up.
+
+    Args:
+        a, b: n boxes each.
+
+    Returns:
+        (n,) in metres; -inf where the boxes overlap.
     """
     offset = (b.center - a.center)[:, None]
     in_a, in_b = np.abs((a.axes * offset).sum(axis=0)), np.abs((b.axes * offset).sum(axis=0))

@@ -1,4 +1,4 @@
-"""Limits of joints, rest at both ends, and jumps, from the uniform samples."""
+"""Joint limits, rest at both ends, and jumps, from the uniform samples."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from hmap_core.validation.world import World
 
 @dataclass(frozen=True)
 class JointTrack:
-    """One joint of a robot over the plan."""
+    """The trajectory of one joint, with its limits in rad or m, per s and per s^2."""
 
     bodies: tuple[str, str]  # robot, joint
     q: np.ndarray  # (N,)
@@ -56,7 +56,7 @@ def _velocity(track: JointTrack, time: np.ndarray, dt: float, findings: Findings
 
 
 def _acceleration(track: JointTrack, time: np.ndarray, dt: float, findings: Findings) -> None:
-    """Second differences, with the rest before the start and after the end."""
+    """Checks second differences; the joint rests before the start and after the end."""
     q = np.concatenate([track.q[:1], track.q, track.q[-1:]])
     acceleration = np.abs(q[2:] - 2.0 * q[1:-1] + q[:-2]) / dt**2
     k = int(acceleration.argmax())
@@ -67,10 +67,18 @@ def _acceleration(track: JointTrack, time: np.ndarray, dt: float, findings: Find
 
 
 def end_velocity(q: np.ndarray, dt: float) -> float:
-    """Speed at the first sample of ``q`` (N,), seen from after it: the smaller of two one-sided differences.
+    """Speed of a joint at its first sample: the smaller of two one-sided differences.
 
-    The first-order one is at most a dt / 2 for a joint that starts from rest with acceleration a; the second-order one
-    is zero when a is constant. Where a begins inside the first step, the smaller of the two is at most 0.24 a dt.
+    The first-order difference is at most a dt / 2 for a joint that starts from rest with acceleration a. The
+    second-order difference is zero for constant a. If the acceleration begins inside the first step, the smaller one is
+    at most 0.24 a dt.
+
+    Args:
+        q: (N,) positions, rad or m.
+        dt: time step, s.
+
+    Returns:
+        The speed, rad/s or m/s.
     """
     first = abs(q[1] - q[0]) / dt
     if len(q) < 3:
@@ -94,7 +102,7 @@ def _start(world: World, findings: Findings) -> None:
 
 
 def check(world: World, findings: Findings) -> None:
-    """Report joints that start elsewhere, leave a limit, jump, or do not rest at the ends."""
+    """Reports joints that violate a limit, jump, start elsewhere, or do not rest at both ends."""
     time, dt = world.document.time, world.document.dt
     _start(world, findings)
     for track in _tracks(world):

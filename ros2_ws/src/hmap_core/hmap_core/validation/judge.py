@@ -1,4 +1,4 @@
-"""The judge: reads a plan, runs every check, and writes the verdict."""
+"""The judge: reads a plan, runs every check, and returns the verdict."""
 
 from hmap_core.validation import collision, contacts, document, joints, objects, physics
 from hmap_core.validation.pairs import PairBuilder
@@ -8,22 +8,22 @@ from hmap_core.validation.world import World
 
 
 def _may_touch(made: list[contacts.Contact], carried: set[frozenset[str]]) -> set[frozenset[str]]:
-    """Pairs of owners whose distance says nothing about the plan's clearance."""
+    """Pairs of owners that touch by design and therefore do not count for the clearance."""
     touched = {frozenset((owner, contact.object)) for contact in made for owner in contact.touching}
     return touched | carried
 
 
 def check(plan: dict) -> Report:
-    """Judge a plan.
+    """Judges a plan.
 
     Args:
-        plan: the content of a plan file (``docs/validation.md`` lists what is read).
+        plan: the content of a plan file (``docs/validation.md`` lists the keys that are read).
 
     Returns:
-        the verdict, with one violation for each broken rule and set of bodies.
+        The verdict, with one violation for each violated rule and set of bodies.
 
     Raises:
-        InputError: code ``INVALID_PLAN_FILE``; the file cannot be judged.
+        InputError: INVALID_PLAN_FILE; the file cannot be judged.
     """
     world = World(document.read(plan))
     findings = Findings()

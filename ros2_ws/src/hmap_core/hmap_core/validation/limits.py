@@ -1,50 +1,50 @@
-"""Every tolerance of the judge, in one place. SI units; the reasons are in ``docs/validation.md``."""
+"""All tolerances of the judge. SI units; ``docs/validation.md`` gives the reasons."""
 
 import math
 
 # --- geometry ---
-PENETRATION = 1e-3  # m, deepest overlap of two bodies
-MOTION_BOUND = 2e-3  # m, two samples are subdivided until no point of a pair moves more than this between looks
-MAX_SUBDIVISION = 128  # looks between two samples; only a jump, which is reported anyway, could ask for more
-SAMPLES_AT_ONCE = 2_000_000  # samples of pairs whose bounds are held in memory together
-INSTANTS_AT_ONCE = 20_000  # instants between samples that are held in memory together
+PENETRATION = 1e-3  # m, deepest allowed overlap of two bodies
+MOTION_BOUND = 2e-3  # m, steps are subdivided until no point of a pair moves more than this between two measurements
+MAX_SUBDIVISION = 128  # intervals of a step; only a jump, which is a violation itself, would need more
+MAX_PAIR_SAMPLES = 2_000_000  # pairs times samples whose bounds are in memory at once
+MAX_INSTANTS = 20_000  # instants between samples that are in memory at once
 
 # --- file ---
-LARGEST = 1e9  # no number of a plan is larger
+MAX_NUMBER = 1e9  # largest absolute value of a number of a plan
 SIZES = (1e-5, 1e3)  # m, of a shape
 QUATERNION_NORM = 1e-3  # deviation of a quaternion's norm from one
 TIME_UNIFORMITY = 1e-3  # deviation of a sample's time from the uniform grid, as a part of the step
-ROUNDING = 1e-6  # m or rad, what decimals cut off in a file may add to a sample
+ROUNDING = 1e-6  # m or rad, rounding error of a sample in a file
 
 # --- joints ---
 LIMIT_RELATIVE = 1e-3  # excess of position (of the range), velocity and acceleration limits
-# A joint that stops inside the last step can show this part of (acceleration limit * step) as its last velocity;
+# fraction of (acceleration limit * step) that a joint which stops inside the last step can show as its last velocity;
 # derived in docs/validation.md
 REST_VELOCITY = 0.25
-JUMP_FACTOR = 2.0  # a step this many times the velocity limit is a discontinuity
+JUMP_FACTOR = 2.0  # multiple of the velocity limit that counts as a discontinuity
 
 # --- objects ---
 OBJECT_SPEED = 2.0  # m/s
 OBJECT_TURN_RATE = 4.0 * math.pi  # rad/s
-START_JOINT = 1e-4  # rad or m, distance of the first sample from the robot's start
+START_JOINT = 1e-4  # rad or m, deviation of the first sample from the robot's start configuration
 START_POSITION = 1e-4  # m
 START_ROTATION = math.radians(0.02)
-UNTOUCHED_POSITION = 1e-4  # m, drift of an object over a whole stretch in which nothing touches it
+UNTOUCHED_POSITION = 1e-4  # m, drift of an object over a whole interval without contact
 UNTOUCHED_ROTATION = math.radians(0.02)
 
 # --- contacts ---
-CONTACT_GAP = 1e-3  # m, farthest a manipulator may be from the surface it touches
+CONTACT_GAP = 1e-3  # m, largest distance between a manipulator and the surface it touches
 SLIP_POSITION = 1e-3  # m
 SLIP_ROTATION = math.radians(0.5)
-OPPOSITE_NORMALS = math.radians(30.0)  # how far the contact normals of two fingers may be from opposite
+OPPOSITE_NORMALS = math.radians(30.0)  # largest angle between one finger's contact normal and the other's, reversed
 
 # --- support ---
-SUPPORT_GAP = 1e-3  # m, between an object and what carries it
-STABLE_MARGIN = 1.5e-3  # m, how far inside its region of support the centre of mass must lie
-SUPPORT_CHECK_STEP = 0.02  # m, travel between two looks at the support of a pushed object
-GRAVITY_SLIDE = 2e-3  # m, raising an object by this must free it from what only carries it
+SUPPORT_GAP = 1e-3  # m, largest distance between an object and its support
+STABLE_MARGIN = 1.5e-3  # m, stability margin: distance of the centre of mass from the edge of the support region
+SUPPORT_CHECK_STEP = 0.02  # m, travel between two support checks of a pushed object
+GRAVITY_SLIDE = 2e-3  # m, raising an object by this distance separates it from its support
 
 # --- physics ---
-PUSH_SPEED = 1e-3  # m/s, below this a pushed object counts as standing still
-FRICTION_CONE_SLACK = math.radians(5.0)  # between the wrench a push needs and the nearest it can supply
-OPENING_SLACK = 1e-4  # m, on the opening range of a gripper while it grasps
+PUSH_SPEED = 1e-3  # m/s, speed below which a pushed object counts as at rest
+FRICTION_CONE_SLACK = math.radians(5.0)  # angle between the wrench that a push requires and the nearest feasible one
+OPENING_SLACK = 1e-4  # m, tolerance of the opening range of a gripper during a grasp

@@ -1,16 +1,16 @@
-"""The bodies' own motion: start, jumps, motion that nobody causes, and the goal."""
+"""Motion of the bodies: start pose, jumps, motion without contact, and the goal."""
 
 import numpy as np
 
 from hmap_core.validation import limits, rigid
-from hmap_core.validation.contacts import Contact, held_steps, runs
+from hmap_core.validation.contacts import Contact, runs, touched_steps
 from hmap_core.validation.report import Findings, Kind
 from hmap_core.validation.world import World
 
 
 def deviation(poses: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Distances (N,) in metres and angles (N,) in radians of poses (N, 7) from a pose (7,)."""
-    return np.linalg.norm(poses[:, :3] - pose[:3], axis=1), rigid.turn(poses[:, 3:], pose[None, 3:])
+    return np.linalg.norm(poses[:, :3] - pose[:3], axis=1), rigid.angle_between(poses[:, 3:], pose[None, 3:])
 
 
 def _check_start(world: World, findings: Findings) -> None:
@@ -25,16 +25,16 @@ def _check_jumps(world: World, findings: Findings) -> None:
     for name in world.document.objects:
         poses = world.poses[name]
         travel = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1)
-        turned = np.degrees(rigid.turn(poses[:-1, 3:], poses[1:, 3:]))
+        turned = np.degrees(rigid.angle_between(poses[:-1, 3:], poses[1:, 3:]))
         for amount, rate in ((travel, limits.OBJECT_SPEED), (turned, np.degrees(limits.OBJECT_TURN_RATE))):
             k = int(amount.argmax())
             findings.check(Kind.JUMP, (name,), world.document.time[k], amount[k], rate * dt)
 
 
 def _check_untouched(world: World, contacts: list[Contact], findings: Findings) -> None:
-    """An object may not leave the pose it had when it was last touched."""
+    """Checks that an object keeps the pose at which the last contact ended."""
     for name in world.document.objects:
-        for first, last in runs(~held_steps(world, contacts, name)):
+        for first, last in runs(~touched_steps(world, contacts, name)):
             distance, angle = deviation(world.poses[name][first : last + 1], world.poses[name][first])
             for amount, limit in (
                 (distance, limits.UNTOUCHED_POSITION),
@@ -47,14 +47,18 @@ def _check_untouched(world: World, contacts: list[Contact], findings: Findings) 
 
 
 def goal_error(world: World) -> tuple[float, float]:
-    """Distance in metres and angle in radians of the goal's object from its goal at the end."""
+    """Distance of the goal's object from its goal at the end of the plan: metres and radians."""
     goal = world.document.goal
     distance, angle = deviation(world.poses[goal.object][-1:], goal.pose)
     return float(distance[0]), float(angle[0])
 
 
 def check_goal(world: World, findings: Findings) -> dict[str, float]:
-    """Report a missed goal; the error as in the report."""
+    """Reports a missed goal.
+
+    Returns:
+        The error as in the report: ``position_m`` and ``rotation_deg``.
+    """
     goal, end = world.document.goal, world.document.time[-1]
     distance, angle = goal_error(world)
     findings.check(Kind.GOAL_MISSED, (goal.object,), end, distance, goal.position_tolerance)
@@ -63,7 +67,7 @@ def check_goal(world: World, findings: Findings) -> dict[str, float]:
 
 
 def check(world: World, contacts: list[Contact], findings: Findings) -> None:
-    """Report bodies that start elsewhere, jump, or move untouched."""
+    """Reports bodies that start elsewhere, jump, or move without contact."""
     _check_start(world, findings)
     _check_jumps(world, findings)
     _check_untouched(world, contacts, findings)

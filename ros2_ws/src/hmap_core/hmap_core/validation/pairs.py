@@ -1,4 +1,4 @@
-"""Which pairs of parts are looked at, and how far the two can move against each other."""
+"""Pairs of parts to check for collision, with bounds on their relative motion."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,7 +15,8 @@ class Pair:
     """Two parts that must not penetrate each other.
 
     Attributes:
-        motion: (N-1,) bound in metres on the relative motion of any two of their points in each step.
+        a, b: the parts.
+        motion: (N-1,) bound on the relative motion of any two of their points in each step, m.
         clearance: whether their distance counts for the plan's smallest clearance.
     """
 
@@ -26,28 +27,34 @@ class Pair:
 
     @property
     def names(self) -> tuple[str, str]:
+        """Names of the owners in reports."""
         return self.a.owner, self.b.owner
 
     @cached_property
     def gauge(self) -> Gauge:
+        """Measures the distance of the pair."""
         return Gauge(self.a.solid, self.b.solid)
 
     @cached_property
     def moves(self) -> bool:
-        """Whether the two ever move against each other."""
+        """Whether the two parts ever move relative to each other."""
         return bool(self.motion.any())
 
 
 class PairBuilder:
-    """Makes the pairs of a world.
+    """Builds the pairs of a world.
 
-    Left out: two fixed bodies; a link that no joint moves with a fixed body (a base on its table); links of one robot
-    that are rigidly joined, share a joint, or are listed in the robot's ``ignored_collisions``.
+    Omitted are: two fixed bodies; a fixed body and a link that no joint moves (a base on its table); links of one robot
+    that are rigidly connected, share a joint, or are listed in the robot's ``ignored_collisions``.
+
+    Args:
+        world: the plan.
+        touching: pairs of owners that touch by design: contacts, and bodies with their supports.
     """
 
     def __init__(self, world: World, touching: set[frozenset[str]]):
         self._world = world
-        self._touching = touching  # pairs of owners that may touch: contacts, and bodies with what carries them
+        self._touching = touching
         self._links = {part: world.link_motion(part) for part in world.parts if part.link is not None}
         zero = np.zeros(world.samples - 1)
         self._motion = {
@@ -57,7 +64,7 @@ class PairBuilder:
         self._immobile = {part: self._is_immobile(part) for part in world.parts}
 
     def build(self) -> list[Pair]:
-        """All pairs to look at."""
+        """All pairs to check."""
         pairs = (self._pair(a, b) for a, b in combinations(self._world.parts, 2))
         return [pair for pair in pairs if pair is not None]
 
@@ -71,7 +78,7 @@ class PairBuilder:
         return pair
 
     def _relative_motion(self, a: Part, b: Part) -> np.ndarray:
-        """Bound (N-1,) in metres on the motion of two parts against each other."""
+        """Bound (N-1,) on the relative motion of two parts, m."""
         motion = self._motion[a] + self._motion[b]
         link, body = (a, b) if b.link is None else (b, a)
         carried = link.link is not None and body.link is None and self._motion[body].any()
@@ -84,7 +91,7 @@ class PairBuilder:
         if frozenset((a.link, b.link)) in robot.data.ignored_collisions:
             return None
         motion_a, motion_b = self._links[a], self._links[b]
-        # joints below both carry them along together
+        # joints between the base and both links move them together
         own_a = [motion for name, motion in motion_a.items() if name not in motion_b]
         own_b = [motion for name, motion in motion_b.items() if name not in motion_a]
         return Pair(a, b, sum(own_a + own_b, np.zeros(self._world.samples - 1)), clearance=False)

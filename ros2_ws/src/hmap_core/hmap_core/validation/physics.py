@@ -1,10 +1,10 @@
-"""What friction, closing width and geometry allow, for plans in physical mode.
+"""Limits of friction, gripper opening and geometry, for plans in physical mode.
 
-Pushing is quasi-static (Lynch and Mason, "Stable pushing: mechanics, controllability, and planning", 1996): friction
-with the support answers a planar motion (v, w) of the centre of mass with a force along -v and a torque along -c^2 w,
-where c depends on how the weight is spread (an ellipsoidal limit surface); here the mean distance of the footprint from
-the centre of mass, which is exact at both ends of the ellipsoid for weight spread evenly. The pusher has to supply the
-opposite, with forces inside the friction cones at the corners of the patch in which it touches.
+Pushing is quasi-static (Lynch and Mason, "Stable pushing: mechanics, controllability, and planning", 1996). Friction
+with the support answers a planar motion (v, w) of the centre of mass with a force along -v and a torque along -c^2 w.
+The length c of the ellipsoidal limit surface is the mean distance of the footprint from the centre of mass, which is
+exact at both ends of the ellipsoid for evenly distributed weight. The pusher has to supply the opposite wrench, with
+forces inside the friction cones at the corners of the contact patch.
 """
 
 from functools import lru_cache
@@ -20,12 +20,16 @@ from hmap_core.validation.report import Findings, Kind
 from hmap_core.validation.support import center_of_mass, overlap
 from hmap_core.validation.world import Part, World
 
-THIN = 1e-4  # m: feet with less width are edges
-FLAT = 1e-6  # shortest horizontal part of a unit normal that still pushes sideways
+MIN_FACE_WIDTH = 1e-4  # m, width below which a support face counts as an edge
+MIN_HORIZONTAL = 1e-6  # smallest horizontal part of a unit normal that can push sideways
 
 
 def _patch(world: World, tip: Part, target: Part, k: int) -> tuple[np.ndarray, np.ndarray] | None:
-    """Where two parts touch at sample k: points (n, 3) and the unit normal (3,) into the target, in the world."""
+    """The contact patch of two parts at sample k, world frame.
+
+    Returns:
+        Its corners (n, 3) and the unit normal (3,) into the target; None if the parts do not touch.
+    """
     a, b = world.tracks[tip], world.tracks[target]
     distance, _, point, normal = Gauge(tip.solid, target.solid).witness(a.at(k), b.at(k))
     if distance > limits.CONTACT_GAP:
@@ -43,7 +47,7 @@ def _patches(contact: Contact) -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def _friction(contact: Contact) -> float:
-    """Lateral friction of the contact: the lower of the object's and the tool's or fingers'."""
+    """Lateral friction coefficient of the contact: the lower one of the object and of the tool or fingers."""
     bodies = contact.world.document.bodies
     robot = contact.world.arms[contact.robot].data
     pusher = bodies[contact.segment.manipulator].friction if contact.by_tool else robot.finger_friction
@@ -53,14 +57,14 @@ def _friction(contact: Contact) -> float:
 def _edges(normal: np.ndarray, friction: float) -> list[np.ndarray]:
     """The two edges (2,) of the friction cone in the horizontal plane; none for a vertical normal."""
     flat = np.linalg.norm(normal[:2])
-    if flat < FLAT:
+    if flat < MIN_HORIZONTAL:
         return []
     n = normal[:2] / flat
     return [n + sign * friction * np.array([-n[1], n[0]]) for sign in (-1.0, 1.0)]
 
 
 def _wrenches(contact: Contact, length: float) -> np.ndarray:
-    """Generators (3, m) of what the pusher can supply about the centre of mass: force, and torque over ``length``."""
+    """Generators (3, m) of the feasible wrenches about the centre of mass: force, and torque / ``length``."""
     center = center_of_mass(contact.world, contact.object, contact.segment.first)
     friction = _friction(contact)
     columns = []
@@ -73,7 +77,7 @@ def _wrenches(contact: Contact, length: float) -> np.ndarray:
 
 @lru_cache(maxsize=1)
 def _barycentric() -> np.ndarray:
-    """Weights (36, 3) of the centres of an even cut of a triangle into 36 small ones."""
+    """Weights (36, 3) of the centroids of 36 congruent parts of a triangle."""
     n = 6
     up = [(3 * i + 1, 3 * j + 1) for i in range(n) for j in range(n - i)]
     down = [(3 * i + 2, 3 * j + 2) for i in range(n) for j in range(n - i - 1)]
@@ -81,34 +85,44 @@ def _barycentric() -> np.ndarray:
     return np.column_stack([ab, 1.0 - ab.sum(axis=1)])
 
 
-def _length(contact: Contact) -> float:
-    """Mean distance in metres of the object's footprint from its centre of mass, seen from above."""
+def _characteristic_length(contact: Contact) -> float:
+    """Mean distance in metres of the object's footprint from its centre of mass, in the horizontal plane."""
     world, k = contact.world, contact.segment.first
     center = center_of_mass(world, contact.object, k)[:2]
     tracks = [world.tracks[part] for part in world.parts_of(contact.object)]
-    feet = _feet([polytope_points(t.part.solid, t.R[k], t.p[k]) for t in tracks])
-    triangles = np.concatenate([foot[Delaunay(foot).simplices] for foot in feet]) - center
+    faces = _footprint([polytope_points(t.part.solid, t.R[k], t.p[k]) for t in tracks])
+    triangles = np.concatenate([face[Delaunay(face).simplices] for face in faces]) - center
     side_a, side_b = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     areas = np.abs(side_a[:, 0] * side_b[:, 1] - side_a[:, 1] * side_b[:, 0])
     distances = np.linalg.norm(np.einsum("bc,tcx->tbx", _barycentric(), triangles), axis=2).mean(axis=1)
     return float(areas @ distances / areas.sum())
 
 
-def _feet(parts: list[np.ndarray]) -> list[np.ndarray]:
-    """On what an object of parts, each with vertices (n, 3), stands: corners (m, 2) of one foot for each part.
+def _footprint(parts: list[np.ndarray]) -> list[np.ndarray]:
+    """The faces on which an object stands.
 
-    All of it, seen from above, where it stands on no face.
+    If the object stands on no face, its whole vertical projection is returned.
+
+    Args:
+        parts: vertices (n, 3) of each part, world frame.
+
+    Returns:
+        Corners (m, 2) of one face for each part that has one.
     """
     lowest = min(points[:, 2].min() for points in parts)
     low = [points[points[:, 2] <= lowest + limits.SUPPORT_GAP, :2] for points in parts]
-    feet = [foot for foot in low if len(foot) >= 3 and np.linalg.svd(foot - foot.mean(0))[1][-1] > THIN]
-    return feet or [np.vstack(parts)[:, :2]]
+    faces = [face for face in low if len(face) >= 3 and np.linalg.svd(face - face.mean(0))[1][-1] > MIN_FACE_WIDTH]
+    return faces or [np.vstack(parts)[:, :2]]
 
 
 def _motions(contact: Contact, length: float) -> tuple[np.ndarray, np.ndarray]:
-    """Planar velocity (n, 3) of the centre of mass, rotation times ``length``, in axes that turn with the object.
+    """Planar velocities of the centre of mass in the steps in which the object moves.
 
-    The axes are those of the world at the start of the contact. Also the samples (n,) at which the steps begin.
+    The axes are those of the world at the start of the contact, rotated with the object since then.
+
+    Returns:
+        (n, 3) linear velocity and angular velocity times ``length``, m/s; and the samples (n,) at which the steps
+        begin.
     """
     world, first, last = contact.world, contact.segment.first, contact.segment.last
     R, p = (values[first : last + 1] for values in world.state.bodies[contact.object])
@@ -124,8 +138,13 @@ def _motions(contact: Contact, length: float) -> tuple[np.ndarray, np.ndarray]:
     return motion[moving], first + np.flatnonzero(moving)
 
 
-def _outside(wrenches: np.ndarray, motion: np.ndarray) -> float:
-    """Angle in radians between the wrench a motion (3,) needs and the nearest one the pusher can supply."""
+def _cone_angle(wrenches: np.ndarray, motion: np.ndarray) -> float:
+    """Angle in radians between the wrench that a motion (3,) requires and the nearest feasible wrench.
+
+    Args:
+        wrenches: (3, m) generators of the feasible cone.
+        motion: (3,).
+    """
     needed = motion / np.linalg.norm(motion)
     if wrenches.shape[1] == 0:
         return np.pi / 2.0
@@ -134,11 +153,11 @@ def _outside(wrenches: np.ndarray, motion: np.ndarray) -> float:
 
 
 def _check_push(contact: Contact, findings: Findings) -> None:
-    length = _length(contact)
+    length = _characteristic_length(contact)
     wrenches = _wrenches(contact, length)
     motions, samples = _motions(contact, length)
     for motion, k in zip(motions, samples, strict=True):
-        angle, limit = np.degrees(_outside(wrenches, motion)), np.degrees(limits.FRICTION_CONE_SLACK)
+        angle, limit = np.degrees(_cone_angle(wrenches, motion)), np.degrees(limits.FRICTION_CONE_SLACK)
         findings.check(Kind.FRICTION_CONE, contact.bodies, contact.world.document.time[k], angle, limit)
 
 
@@ -155,7 +174,7 @@ def _check_grasp(contact: Contact, findings: Findings) -> None:
 
 
 def check(world: World, contacts: list[Contact], findings: Findings) -> None:
-    """Report contacts that could not do under friction and gravity what the plan says; physical mode only."""
+    """Reports contacts that are infeasible under friction and gravity; in physical mode only."""
     if world.document.mode != "physical":
         return
     for contact in contacts:

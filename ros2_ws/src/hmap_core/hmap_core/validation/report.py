@@ -1,11 +1,11 @@
-"""What the judge says: violations, each with its kind, and a few measures of the whole plan."""
+"""The verdict of the judge: violations with their kinds, and measures of the whole plan."""
 
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 
 class Kind(StrEnum):
-    """Names of the violations; ``docs/validation.md`` says for each what is measured, in which unit, and the limit."""
+    """Kinds of violations. ``docs/validation.md`` gives the measured quantity, unit and limit of each."""
 
     JOINT_LIMIT = "joint_limit"
     VELOCITY_LIMIT = "velocity_limit"
@@ -28,9 +28,13 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class Violation:
-    """One broken rule: the worst instance for these bodies.
+    """A violated rule: the worst instance for a set of bodies.
 
-    ``time`` is in seconds from the start of the plan; ``amount`` and ``limit`` share a unit, which depends on the kind.
+    Attributes:
+        kind: the rule.
+        bodies: names of the bodies, links or joints involved.
+        time: s from the start of the plan.
+        amount, limit: measured value and its limit; their unit depends on the kind.
     """
 
     kind: Kind
@@ -40,7 +44,7 @@ class Violation:
     limit: float
 
     def to_dict(self) -> dict:
-        """Plain JSON types."""
+        """The violation as plain JSON types."""
         return {
             "kind": str(self.kind),
             "bodies": list(self.bodies),
@@ -55,10 +59,10 @@ class Report:
     """The verdict on a plan.
 
     Attributes:
-        valid: whether no rule is broken.
-        violations: sorted by time; at most one for each kind and set of bodies, the worst.
+        valid: whether no rule is violated.
+        violations: sorted by time; for each kind and set of bodies only the worst.
         goal_error: ``position_m`` and ``rotation_deg`` of the goal's object at the end.
-        min_clearance_m: smallest distance of a pair that may not touch; None when there is no such pair.
+        min_clearance_m: smallest distance of a pair that does not touch by design; None if there is no such pair.
     """
 
     valid: bool
@@ -67,7 +71,7 @@ class Report:
     min_clearance_m: float | None
 
     def to_dict(self) -> dict:
-        """Plain JSON types, with the keys that ``hmap check --json`` prints."""
+        """The report as plain JSON types, with the keys that ``hmap check --json`` prints."""
         return {
             "valid": self.valid,
             "violations": [violation.to_dict() for violation in self.violations],
@@ -78,27 +82,39 @@ class Report:
 
 @dataclass
 class Findings:
-    """Collects violations and keeps, for each kind and bodies, the worst."""
+    """Collects violations; keeps the worst for each kind and set of bodies."""
 
     _worst: dict[tuple, tuple[float, Violation]] = field(default_factory=dict)
 
     def add(self, kind: Kind, bodies: tuple[str, ...], time: float, amount: float, limit: float, excess: float) -> None:
-        """Note a broken rule; ``excess`` orders instances of the same kind and bodies (larger is worse)."""
+        """Records a violation.
+
+        Args:
+            kind: the rule.
+            bodies: names of the bodies, links or joints involved.
+            time: s.
+            amount, limit: measured value and its limit.
+            excess: severity, to compare instances of the same kind and bodies; larger is worse.
+        """
         key = (kind, tuple(sorted(bodies)))
         if key not in self._worst or excess > self._worst[key][0]:
             self._worst[key] = (excess, Violation(kind, tuple(bodies), float(time), float(amount), float(limit)))
 
     def check(self, kind: Kind, bodies: tuple[str, ...], time: float, amount: float, limit: float) -> bool:
-        """Note the rule as broken when ``amount`` is above ``limit``; says whether it was."""
+        """Records a violation if ``amount`` exceeds ``limit``.
+
+        Returns:
+            Whether the rule is violated.
+        """
         broken = not amount <= limit
         if broken:
             self.add(kind, bodies, time, amount, limit, amount / limit if limit > 0.0 else amount - limit)
         return broken
 
     def has(self, kind: Kind, bodies: tuple[str, ...]) -> bool:
-        """Whether a violation of this kind is already noted for these bodies."""
+        """Whether a violation of this kind is already recorded for these bodies."""
         return (kind, tuple(sorted(bodies))) in self._worst
 
     def violations(self) -> tuple[Violation, ...]:
-        """All of them, by time, then kind."""
+        """All violations, sorted by time, then kind."""
         return tuple(sorted((v for _, v in self._worst.values()), key=lambda v: (v.time, v.kind, v.bodies)))

@@ -1,8 +1,8 @@
-"""Whether an object at rest is carried: what lies under it, and where its centre of mass is.
+"""Static support: which bodies carry an object at rest, and whether its centre of mass is above them.
 
-The object is lowered by ``limits.SUPPORT_GAP``. Where it then overlaps another body, and would not if it were raised,
-it is carried; seen from above, the hull of all those places is its region of support, and its centre of mass must lie
-inside.
+The object is lowered by ``limits.SUPPORT_GAP``. Another body supports it where the two then overlap, and would not
+overlap if the object were raised. The support region is the convex hull of all these patches in the horizontal plane;
+the centre of mass must project into it.
 """
 
 from dataclasses import dataclass
@@ -18,20 +18,21 @@ from hmap_core.validation.objects import deviation
 from hmap_core.validation.report import Findings, Kind
 from hmap_core.validation.world import Part, World
 
-EMPTY = 1e-7  # m, inscribed radius under which an overlap counts as none
-CLEARLY = 1e-4  # m, how deep inside an overlap a guessed point must be; a thousand times what counts as one
-TOWARDS_MIDDLE = np.geomspace(1e-4, 1.0, 40)  # parts of the way that are tried
+MIN_RADIUS = 1e-7  # m, inscribed radius below which an overlap counts as empty
+SAMPLED_DEPTH = 1e-4  # m, depth inside an overlap that a sampled interior point must have
+CENTER_FRACTIONS = np.geomspace(1e-4, 1.0, 40)  # sampled fractions of the line to the centre
 DOWN = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True)
 class Support:
-    """What carries an object at one instant.
+    """The support of an object at one instant.
 
     Attributes:
-        bodies: the bodies under it.
-        gap: distance in metres to the nearest other body.
-        inside: how far the centre of mass is inside the region of support, seen from above; negative outside.
+        bodies: the supporting bodies.
+        gap: distance to the nearest other body, m.
+        inside: distance of the centre of mass from the edge of the support region in the horizontal plane, m; negative
+            outside.
     """
 
     bodies: frozenset[str]
@@ -40,6 +41,7 @@ class Support:
 
     @property
     def stable(self) -> bool:
+        """Whether the object is supported with the stability margin ``limits.STABLE_MARGIN``."""
         return bool(self.bodies) and self.inside >= limits.STABLE_MARGIN
 
 
@@ -49,12 +51,20 @@ def _halfspaces(points: np.ndarray) -> np.ndarray:
 
 
 def overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray | None:
-    """Corners (n, 3) of the intersection of the hulls of two sets of points; None when it is empty."""
+    """Intersection of the convex hulls of two sets of points.
+
+    Args:
+        a: (n, 3), m.
+        b: (m, 3), m.
+
+    Returns:
+        Corners (k, 3) of the intersection; None if it is empty.
+    """
     of_a, of_b = _halfspaces(a), _halfspaces(b)
-    if _beyond_a_face(a, of_b) or _beyond_a_face(b, of_a):
+    if _separated_by_face(a, of_b) or _separated_by_face(b, of_a):
         return None
     rows = np.vstack([of_a, of_b])
-    center = _guessed_inside(a, of_a, b, of_b)
+    center = _sampled_interior(a, of_a, b, of_b)
     if center is None:
         center = _center(rows)
     try:
@@ -64,44 +74,48 @@ def overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray | None:
 
 
 def _depth(rows: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """How far points (n, 3) are inside halfspaces (m, 4), (n,) in metres; negative outside."""
+    """Depth (n,) of points (n, 3) inside halfspaces (m, 4), m; negative outside."""
     return -(points @ rows[:, :3].T + rows[:, 3]).max(axis=1)
 
 
-def _beyond_a_face(points: np.ndarray, rows: np.ndarray) -> bool:
-    """Whether no ball of radius ``EMPTY`` within the hull of points (n, 3) fits inside one of the halfspaces (m, 4)."""
-    return bool(np.any((points @ rows[:, :3].T + rows[:, 3]).min(axis=0) > -2.0 * EMPTY))
+def _separated_by_face(points: np.ndarray, rows: np.ndarray) -> bool:
+    """Whether a halfspace (m, 4) excludes every ball of radius ``MIN_RADIUS`` in the hull of points (n, 3)."""
+    return bool(np.any((points @ rows[:, :3].T + rows[:, 3]).min(axis=0) > -2.0 * MIN_RADIUS))
 
 
-def _guessed_inside(a: np.ndarray, of_a: np.ndarray, b: np.ndarray, of_b: np.ndarray) -> np.ndarray | None:
-    """A point (3,) at least ``CLEARLY`` inside two hulls, the points and halfspaces of which are given.
+def _sampled_interior(a: np.ndarray, of_a: np.ndarray, b: np.ndarray, of_b: np.ndarray) -> np.ndarray | None:
+    """A point (3,) at least ``SAMPLED_DEPTH`` inside two hulls, by sampling; None if no sample qualifies.
 
-    The mean of the corners that one has in the other, moved towards the middle of the first: finds one where a body
-    stands on another. None means nothing.
+    The samples lie between the mean of the corners that one hull has inside the other and the centre of the first hull.
+    This finds a point if one body stands on the other.
+
+    Args:
+        a, b: vertices (n, 3) of the hulls.
+        of_a, of_b: halfspaces (m, 4) of the hulls.
     """
     corners = np.vstack([a[_depth(of_b, a) >= 0.0], b[_depth(of_a, b) >= 0.0]])
     if len(corners) == 0:
         return None
     begin = corners.mean(axis=0)
-    points = begin + TOWARDS_MIDDLE[:, None] * (a.mean(axis=0) - begin)
+    points = begin + CENTER_FRACTIONS[:, None] * (a.mean(axis=0) - begin)
     depth = np.minimum(_depth(of_a, points), _depth(of_b, points))
-    return points[depth.argmax()] if depth.max() >= CLEARLY else None
+    return points[depth.argmax()] if depth.max() >= SAMPLED_DEPTH else None
 
 
 def _center(rows: np.ndarray) -> np.ndarray | None:
-    """The centre (3,) of the largest ball inside all halfspaces (m, 4); None when it is smaller than ``EMPTY``."""
+    """Chebyshev centre (3,) of halfspaces (m, 4); None if its radius is below ``MIN_RADIUS``."""
     # maximise r with normal @ x + r + offset <= 0
     bounds = [(None, None)] * 3 + [(0.0, None)]
     table = np.column_stack([rows[:, :3], np.ones(len(rows))])
     lp = linprog([0, 0, 0, -1], A_ub=table, b_ub=-rows[:, 3], bounds=bounds)
-    return lp.x[:3] if lp.success and lp.x[3] >= EMPTY else None
+    return lp.x[:3] if lp.success and lp.x[3] >= MIN_RADIUS else None
 
 
 def _inside(points: np.ndarray, center: np.ndarray) -> float:
-    """How far a point (2,) is inside the hull of points (n, 2) in metres; negative outside."""
+    """Distance of a point (2,) from the edge of the hull of points (n, 2), m; negative outside."""
     try:
         equations = ConvexHull(points).equations
-    except QhullError:  # a point or a line carries nothing
+    except QhullError:  # a point or a line is no support region
         return -float(np.linalg.norm(points - center, axis=1).min())
     return -float(np.max(equations[:, :2] @ center + equations[:, 2]))
 
@@ -115,46 +129,50 @@ def center_of_mass(world: World, name: str, k: int) -> np.ndarray:
     return volumes @ centers / volumes.sum()
 
 
-class Supporter:
-    """Finds what carries the bodies of a world."""
+class SupportFinder:
+    """Finds the supports of the bodies of a world."""
 
     def __init__(self, world: World):
         self._world = world
         self._bodies = [part for part in world.parts if part.link is None]
-        self._known: dict[tuple, tuple[float, np.ndarray | None]] = {}  # most bodies stand still most of the time
+        self._cache: dict[tuple, tuple[float, np.ndarray | None]] = {}  # most bodies are at rest most of the time
 
     def at(self, name: str, k: int) -> Support:
-        """What carries a body at sample k."""
-        carriers, places, gap = set(), [], np.inf
+        """The support of a body at sample k."""
+        carriers, patches, gap = set(), [], np.inf
         for part in self._world.parts_of(name):
             for other in self._bodies:
                 if other.holder != name:
-                    distance, place = self._remembered(part, other, k)
+                    distance, patch = self._cached_contact(part, other, k)
                     gap = min(gap, distance)
-                    if place is not None:
+                    if patch is not None:
                         carriers.add(other.holder)
-                        places.append(place[:, :2])
-        if not places:
+                        patches.append(patch[:, :2])
+        if not patches:
             return Support(frozenset(), gap, -np.inf)
         center = center_of_mass(self._world, name, k)
-        return Support(frozenset(carriers), gap, _inside(np.vstack(places), center[:2]))
+        return Support(frozenset(carriers), gap, _inside(np.vstack(patches), center[:2]))
 
-    def _remembered(self, part: Part, other: Part, k: int) -> tuple[float, np.ndarray | None]:
+    def _cached_contact(self, part: Part, other: Part, k: int) -> tuple[float, np.ndarray | None]:
         poses = self._world.poses
         key = part, other, poses[part.holder][k].tobytes(), poses[other.holder][k].tobytes()
-        if key not in self._known:
-            self._known[key] = self._contact(part, other, k)
-        return self._known[key]
+        if key not in self._cache:
+            self._cache[key] = self._contact(part, other, k)
+        return self._cache[key]
 
     def _contact(self, part: Part, other: Part, k: int) -> tuple[float, np.ndarray | None]:
-        """The distance in metres, and where the other part carries this one: corners (n, 3)."""
+        """Distance of two parts, and the patch where ``other`` supports ``part``.
+
+        Returns:
+            The distance in metres, and the corners (n, 3) of the patch; None if there is none.
+        """
         a, b = self._world.tracks[part], self._world.tracks[other]
         gauge = Gauge(part.solid, other.solid)
         distance = gauge.distance(a.at(k), b.at(k))
         if distance > limits.SUPPORT_GAP:
             return distance, None
         raised = transform(a.R[k], a.p[k] - limits.GRAVITY_SLIDE * DOWN)
-        if gauge.distance(raised, b.at(k)) <= EMPTY:
+        if gauge.distance(raised, b.at(k)) <= MIN_RADIUS:
             return distance, None
         lowered = polytope_points(part.solid, a.R[k], a.p[k] + limits.SUPPORT_GAP * DOWN)
         return distance, overlap(lowered, polytope_points(other.solid, b.R[k], b.p[k]))
@@ -177,7 +195,7 @@ def _report(support: Support, name: str, time: float, findings: Findings) -> Non
 
 
 def _pushed_samples(world: World, contact: Contact) -> list[int]:
-    """Samples of a push at which the support is looked at: every ``SUPPORT_CHECK_STEP`` of travel, and the end."""
+    """Samples of a push at which the support is checked: every ``SUPPORT_CHECK_STEP`` of travel, and the end."""
     poses = world.poses[contact.object][contact.window]
     travel = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1))])
     marks = np.arange(0.0, travel[-1], limits.SUPPORT_CHECK_STEP)
@@ -185,17 +203,21 @@ def _pushed_samples(world: World, contact: Contact) -> list[int]:
 
 
 class SupportCheck:
-    """Reports objects that are not carried, and remembers who carries whom."""
+    """Reports objects without stable support, and collects the pairs of objects and supports.
+
+    Attributes:
+        pairs: an object and a body that supports it at some time, for each such pair.
+    """
 
     def __init__(self, world: World, contacts: list[Contact], findings: Findings):
         self._world = world
         self._contacts = contacts
         self._findings = findings
-        self._supporter = Supporter(world)
-        self.pairs: set[frozenset[str]] = set()  # an object and a body that carries it at some time
+        self._finder = SupportFinder(world)
+        self.pairs: set[frozenset[str]] = set()
 
     def run(self) -> None:
-        """Look at every object whenever nothing holds it, and at pushed ones on their way."""
+        """Checks every object while no contact moves it; in physical mode also during pushes."""
         names = [name for name, body in self._world.document.bodies.items() if not body.fixed]
         for name in names:
             self._check_free(name)
@@ -204,14 +226,14 @@ class SupportCheck:
                 if contact.kind == "push":
                     self._check_pushed(contact)
 
-    def _look(self, name: str, k: int) -> Support:
-        support = self._supporter.at(name, k)
+    def _find(self, name: str, k: int) -> Support:
+        support = self._finder.at(name, k)
         self.pairs |= {frozenset((name, body)) for body in support.bodies}
         return support
 
     def _check_free(self, name: str) -> None:
-        """An object that the plan has put down, or under which it has taken the support away, must be carried."""
-        stable_before = self._look(name, 0).stable
+        """Checks an object that the plan has placed, or whose support the plan has removed."""
+        stable_before = self._find(name, 0).stable
         free = np.ones(self._world.samples - 1, bool)
         for contact in self._contacts:
             if contact.object == name:
@@ -219,14 +241,14 @@ class SupportCheck:
         for first, last in runs(free):
             for k in self._changes(first, last):
                 if stable_before or _moved(self._world, name, k):
-                    _report(self._look(name, k), name, self._world.document.time[k], self._findings)
+                    _report(self._find(name, k), name, self._world.document.time[k], self._findings)
 
     def _changes(self, first: int, last: int) -> list[int]:
-        """The ends of a stretch and the ends of segments within it: when other bodies may have come or gone."""
+        """The ends of an interval and the ends of segments inside it, when other bodies may have moved."""
         ends = {k for s in self._world.document.segments for k in (s.first, s.last) if first < k < last}
         return sorted({first, last} | ends)
 
     def _check_pushed(self, contact: Contact) -> None:
-        """A pushed object is carried by the scene and not by the robot."""
+        """Checks that the scene, and not the robot, supports a pushed object."""
         for k in _pushed_samples(self._world, contact):
-            _report(self._look(contact.object, k), contact.object, self._world.document.time[k], self._findings)
+            _report(self._find(contact.object, k), contact.object, self._world.document.time[k], self._findings)

@@ -1,4 +1,4 @@
-"""Kinematics and collision shapes of a robot from its URDF, by the standard library and numpy only."""
+"""Kinematics and collision shapes of a robot from its URDF, with the standard library and NumPy only."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from hmap_core.validation import rigid
-from hmap_core.validation.files import locate, mesh_points, unusable
+from hmap_core.validation.files import invalid_plan, locate, mesh_points
 from hmap_core.validation.geometry import Solid, hull, solid
 
 MOVING = ("revolute", "continuous", "prismatic")
@@ -16,7 +16,15 @@ MOVING = ("revolute", "continuous", "prismatic")
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint of the URDF; ``origin`` is the child's frame in the parent's at value zero."""
+    """A joint of the URDF.
+
+    Attributes:
+        name, kind, parent, child: as in the URDF.
+        origin_R, origin_p: (3, 3) and (3,) frame of the child link in the parent link at value zero, m.
+        axis: (3,) unit vector in the joint frame.
+        lower, upper, velocity: limits, rad or m, and per s; infinite if the URDF has none.
+        mimic: driving joint, multiplier and offset; None for an independent joint.
+    """
 
     name: str
     kind: str
@@ -28,12 +36,12 @@ class Joint:
     lower: float
     upper: float
     velocity: float
-    mimic: tuple[str, float, float] | None  # joint, multiplier, offset
+    mimic: tuple[str, float, float] | None
 
 
 @dataclass(frozen=True)
 class LinkShape:
-    """A convex collision shape at a fixed place on a link."""
+    """A convex collision shape with its fixed rotation R (3, 3) and position p (3,) in the link frame."""
 
     link: str
     solid: Solid
@@ -46,8 +54,9 @@ class Urdf:
     """A kinematic tree.
 
     Attributes:
-        root: its base link.
-        joints: ordered so that a parent comes before its children.
+        root: name of the base link.
+        links: names of all links.
+        joints: in an order in which parents precede their children.
         shapes: the collision shapes of all links.
     """
 
@@ -66,16 +75,16 @@ class Urdf:
 
     @cached_property
     def moving(self) -> dict[str, tuple[Joint, ...]]:
-        """For each link, those of them that can move."""
+        """For each link, the moving joints from the base to it."""
         return {link: tuple(joint for joint in chain if joint.kind in MOVING) for link, chain in self.chains.items()}
 
     @cached_property
     def shaped(self) -> frozenset[str]:
-        """The links with shapes."""
+        """The links that have collision shapes."""
         return frozenset(shape.link for shape in self.shapes)
 
     def joint_to(self, link: str) -> Joint | None:
-        """The joint that carries a link; None for the base."""
+        """The joint whose child a link is; None for the base."""
         return self.chains[link][-1] if self.chains[link] else None
 
 
@@ -116,7 +125,7 @@ def _joint(element) -> Joint:
 
 
 def _mesh_file(name: str, urdf: Path) -> Path:
-    """``package://`` means the URDF's folder, as PyBullet reads it, or a package folder above it."""
+    """Path of a mesh. ``package://`` is relative to the URDF's folder, as in PyBullet, or to a folder above it."""
     scheme, separator, rest = name.partition("://")
     if separator and scheme != "package":
         return locate(name)
@@ -126,7 +135,7 @@ def _mesh_file(name: str, urdf: Path) -> Path:
     for candidate in candidates:
         if candidate.is_file():
             return candidate
-    raise unusable(f"{urdf}: no mesh {name!r} in its folder or those above it")
+    raise invalid_plan(f"{urdf}: no mesh {name!r} in its folder or those above it")
 
 
 def _collision_solid(geometry, urdf: Path) -> Solid:
@@ -140,7 +149,9 @@ def _collision_solid(geometry, urdf: Path) -> Solid:
         return solid("sphere", (float(child.get("radius")),))
     if child.tag in ("cylinder", "capsule"):
         return solid(child.tag, (float(child.get("radius")), float(child.get("length"))))
-    raise unusable(f"{urdf}: unknown collision geometry {child.tag!r}; allowed: mesh, box, sphere, cylinder, capsule")
+    raise invalid_plan(
+        f"{urdf}: unknown collision geometry {child.tag!r}; allowed: mesh, box, sphere, cylinder, capsule"
+    )
 
 
 def _link_shapes(element, urdf: Path) -> list[LinkShape]:
@@ -163,10 +174,16 @@ def _ordered(joints: list[Joint], root: str) -> tuple[Joint, ...]:
 
 @lru_cache(maxsize=16)
 def load(uri: str) -> Urdf:
-    """The robot that a URI names.
+    """Reads a robot.
+
+    Args:
+        uri: of the URDF file, see :func:`hmap_core.validation.files.locate`.
+
+    Returns:
+        The kinematic tree, from a cache.
 
     Raises:
-        InputError: there is no such file, or it is not a URDF of one tree.
+        InputError: INVALID_PLAN_FILE; the file does not exist or is no URDF with a single tree.
     """
     path = locate(uri)
     try:
@@ -175,8 +192,8 @@ def load(uri: str) -> Urdf:
         links = [element.get("name") for element in robot.findall("link")]
         shapes = [shape for element in robot.findall("link") for shape in _link_shapes(element, path)]
     except (ElementTree.ParseError, AttributeError, ValueError, TypeError, IndexError) as error:
-        raise unusable(f"{path}: not a readable URDF ({error})") from error
+        raise invalid_plan(f"{path}: not a readable URDF ({error})") from error
     roots = [link for link in links if link not in {joint.child for joint in joints}]
     if len(roots) != 1:
-        raise unusable(f"{path}: {len(roots)} links without a parent; a robot has exactly one")
+        raise invalid_plan(f"{path}: {len(roots)} links without a parent; a robot has exactly one")
     return Urdf(roots[0], tuple(links), _ordered(joints, roots[0]), tuple(shapes))

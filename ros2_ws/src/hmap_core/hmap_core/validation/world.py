@@ -1,4 +1,4 @@
-"""Everything of a plan that has a shape, placed at every sample and anywhere between two."""
+"""The robots and bodies of a plan in motion: poses of all parts at the samples and between them."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from hmap_core.validation.geometry import Solid, solid_of, transform
 
 
 class OnDemand(dict):
-    """A dict whose values are made from their keys when first asked for."""
+    """A dict that computes a missing value from its key."""
 
     def __init__(self, make: Callable):
         super().__init__()
@@ -25,7 +25,7 @@ class OnDemand(dict):
 
 @dataclass(frozen=True)
 class State:
-    """The plan's things at M instants, each placed when first asked for.
+    """Poses of links and bodies at M instants, computed on demand.
 
     Attributes:
         links: robot -> frames of its links.
@@ -38,13 +38,14 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One convex shape of a body or of a robot's link.
+    """A convex shape of a body or of a robot's link.
 
     Attributes:
-        owner: the name in reports: the body's, or ``robot/link``.
-        holder: the body, or the robot.
+        owner: the name in reports: of the body, or ``robot/link``.
+        holder: the body or robot.
         link: the robot's link; None for a body.
-        R, p: where the shape is in the frame of its body or link.
+        solid: the shape.
+        R, p: (3, 3) and (3,) pose of the shape in the frame of its body or link.
     """
 
     owner: str
@@ -56,11 +57,11 @@ class Part:
 
     @cached_property
     def reach(self) -> float:
-        """Largest distance of a point of the shape from the frame of its body or link, in metres."""
+        """Largest distance of a point of the shape from the frame of its body or link, m."""
         return float(np.linalg.norm(self.solid.points @ self.R.T + self.p, axis=1).max()) + self.solid.ball
 
     def place(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Rotations (M, 3, 3) and positions (M, 3) of its body or link."""
+        """Rotations (M, 3, 3) and positions (M, 3) of the part's body or link."""
         return state.bodies[self.holder] if self.link is None else state.links[self.holder][self.link]
 
     def frames(self, state: State) -> tuple[np.ndarray, np.ndarray]:
@@ -70,7 +71,7 @@ class Part:
 
 
 class Track:
-    """Where a part is at M instants, with its coal transforms made when first asked for."""
+    """Poses of a part at M instants, with coal transforms that are built on demand."""
 
     def __init__(self, part: Part, state: State):
         self.part = part
@@ -85,7 +86,18 @@ class Track:
 
 
 class World:
-    """A plan's robots and bodies in motion."""
+    """The robots and bodies of a plan in motion.
+
+    Attributes:
+        document: the plan.
+        samples: number N of samples.
+        arms: the robots by name.
+        values: robot -> joint -> values (N,).
+        poses: body -> poses (N, 7).
+        state: poses at the samples.
+        parts: all convex shapes.
+        tracks: their poses at the samples.
+    """
 
     def __init__(self, document: Document):
         self.document = document
@@ -107,7 +119,7 @@ class World:
         self.tracks = {part: Track(part, self.state) for part in self.parts}
 
     def _poses(self, body: BodyData) -> np.ndarray:
-        """Poses (N, 7); a body without a trajectory stays where it is."""
+        """Poses (N, 7); a body without a trajectory keeps its start pose."""
         given = self.document.objects.get(body.name)
         return np.broadcast_to(body.pose, (self.samples, 7)) if given is None else given
 
@@ -126,12 +138,25 @@ class World:
         ]
 
     def parts_of(self, holder: str, links: tuple[str, ...] | None = None) -> list[Part]:
-        """The parts of a body, or of some links of a robot."""
+        """The parts of a body, or of some links of a robot.
+
+        Args:
+            holder: the body or robot.
+            links: the links of a robot; None for a body.
+        """
         return [p for p in self.parts if p.holder == holder and (links is None) == (p.link is None)
                 and (links is None or p.link in links)]  # fmt: skip
 
     def between(self, steps: np.ndarray, s: np.ndarray) -> State:
-        """The state at the fractions s (M,) of the steps (M,): joints linear, bodies straight and on shortest arcs."""
+        """The state between samples: joints linear, positions linear, rotations on shortest arcs.
+
+        Args:
+            steps: (M,) step numbers.
+            s: (M,) fractions of the steps.
+
+        Returns:
+            The state at these M instants.
+        """
 
         def links(name: str) -> arm.Frames:
             values = {j: v[steps] + s * (v[steps + 1] - v[steps]) for j, v in self.values[name].items()}
@@ -139,31 +164,38 @@ class World:
 
         def body(name: str) -> tuple[np.ndarray, np.ndarray]:
             poses = self.poses[name]
-            between = rigid.between(poses[steps], poses[steps + 1], s)
+            between = rigid.interpolate(poses[steps], poses[steps + 1], s)
             return rigid.matrices(between[:, 3:]), between[:, :3]
 
         return State(OnDemand(links), OnDemand(body))
 
     def body_motion(self, part: Part) -> np.ndarray:
-        """How far any point of a body's part can move in each step, (N-1,) in metres."""
+        """Bound (N-1,) on the motion of any point of a body's part in each step, m."""
         moved, turned = self._steps[part.holder]
         return moved + turned * part.reach
 
     def link_motion(self, part: Part) -> dict[str, np.ndarray]:
-        """The same for a robot's part, joint by joint."""
+        """Bounds on the motion of any point of a robot's part in each step: joint -> (N-1,) in metres."""
         return self.arms[part.holder].motion_bounds(
             part.link, part.reach, self.values[part.holder], self.state.links[part.holder]
         )
 
     def relative_motion(self, link: Part, body: Part) -> np.ndarray:
-        """How far any point of a body's part can move in each step as seen from a robot's link, (N-1,) in metres.
+        """Bound on the motion of any point of a body's part relative to a robot's link, in each step.
 
-        Small where the link carries the body. Seen from the link, a point goes from where it is at one sample to where
-        it is at the next, and its velocity differs from that straight way's by at most half of the largest
-        acceleration, which is of second order in what the two turn and move (``docs/validation.md``).
+        The bound is tight if the link carries the body. In the link frame, a point moves from its position at one
+        sample to its position at the next. Its velocity differs from that of the straight motion by at most half of the
+        largest acceleration, which is of second order in the rotations and translations (``docs/validation.md``).
+
+        Args:
+            link: a part of a robot.
+            body: a part of a body.
+
+        Returns:
+            (N-1,) in metres.
         """
         R, p = rigid.relative(*self.state.links[link.holder][link.link], *self.state.bodies[body.holder])
-        turned, moved = rigid.turn_along(R), np.linalg.norm(np.diff(p, axis=0), axis=1)
+        turned, moved = rigid.step_angles(R), np.linalg.norm(np.diff(p, axis=0), axis=1)
         spin, speed = self._steps[body.holder][1], self.body_motion(body)
         turn, slide, length = self._rates[link.holder, link.link]
         far = np.linalg.norm(p[:-1], axis=1) + body.reach + speed + length + turn * length + slide
@@ -174,6 +206,6 @@ class World:
 
 
 def _step_motion(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How far poses (N, 7) move and turn in each step: (N-1,) in metres and (N-1,) in radians."""
+    """Translation (N-1,) in metres and rotation (N-1,) in radians of poses (N, 7) in each step."""
     moved = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1)
-    return moved, rigid.turn(poses[:-1, 3:], poses[1:, 3:])
+    return moved, rigid.angle_between(poses[:-1, 3:], poses[1:, 3:])

@@ -1,1 +1,1 @@
-"""Plans made visible: a picture, a summary."""
+"""Pictures and summaries of plans."""

@@ -1,4 +1,4 @@
-"""The picture of a plan: robots at the first contact, their ghosts at the others, waypoints red, contacts yellow."""
+"""Picture of a plan: robots at the first contact, ghosts at the other contacts, waypoints red, contacts yellow."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -15,18 +15,22 @@ from hmap_core.viz.layers import Canvas
 from hmap_core.viz.view import camera_for
 
 WIDTH, HEIGHT = 1000, 560  # pixels
-OVERSAMPLING = 2  # pixels rendered for each one shown, along each axis
+OVERSAMPLING = 2  # rendered pixels for each pixel of the picture, along each axis
 SPHERE_RADIUS = 0.014  # m
 RED, YELLOW, GREEN = (0.86, 0.12, 0.12), (1.0, 0.82, 0.05), (0.1, 0.62, 0.25)
-GREY = 0.45  # brightness that ghosts are drawn towards
-GHOST_ALPHA, GHOST_HIDDEN = 0.45, 0.16  # opacity of the object's ghosts in sight, and behind something
-ROBOT_ALPHA, ROBOT_HIDDEN = 0.22, 0.0  # opacity of the robots at other moments
-SPHERE_HIDDEN = 0.55  # opacity of spheres behind something
-OUTLINE = 2  # pixels, before they are shrunk
+GREY = 0.45  # brightness that the object's ghosts are blended with
+GHOST_ALPHA, GHOST_HIDDEN = 0.45, 0.16  # opacity of the object's ghosts where visible, and where occluded
+ROBOT_ALPHA, ROBOT_HIDDEN = 0.22, 0.0  # opacity of the robots' ghosts where visible, and where occluded
+SPHERE_HIDDEN = 0.55  # opacity of occluded spheres
+OUTLINE = 2  # width in pixels of the picture
 
 
 def render(plan: Plan, path: str | Path) -> None:
-    """Draw a plan into a PNG file.
+    """Renders a plan into a PNG file.
+
+    Args:
+        plan: the plan.
+        path: the file.
 
     Raises:
         InputError: the file cannot be written.
@@ -39,7 +43,15 @@ def render(plan: Plan, path: str | Path) -> None:
 
 
 def draw(plan: Plan, width: int, height: int) -> np.ndarray:
-    """The picture (height, width, 3), uint8."""
+    """Renders a plan.
+
+    Args:
+        plan: the plan.
+        width, height: pixels.
+
+    Returns:
+        The picture (height, width, 3), RGB, uint8.
+    """
     camera = camera_for(plan, OVERSAMPLING * width, OVERSAMPLING * height)
     canvas = _base(plan, camera)
     _robot_ghosts(plan, camera, canvas)
@@ -72,7 +84,7 @@ def _place(plan: Plan, world: SimulatedWorld, robot: str, sample: int) -> None:
 
 
 def _base(plan: Plan, camera: Camera) -> Canvas:
-    """The scene at the first contact."""
+    """Renders the scene at the first contact."""
     sample = _moment(plan, _contacts(plan)[0]) if _contacts(plan) else 0
     with SimulatedWorld(plan.scene) as world:
         for name in plan.scene.robots:
@@ -84,7 +96,7 @@ def _base(plan: Plan, camera: Camera) -> Canvas:
 
 
 def _robot_ghosts(plan: Plan, camera: Camera, canvas: Canvas) -> None:
-    """The robots at their further contacts."""
+    """Draws ghosts of the robots at their other contacts."""
     for segment in _contacts(plan)[1:]:
         alone = replace(plan.scene, bodies={}, robots={segment.robot: plan.scene.robots[segment.robot]})
         with SimulatedWorld(alone) as world:
@@ -94,7 +106,7 @@ def _robot_ghosts(plan: Plan, camera: Camera, canvas: Canvas) -> None:
 
 
 def _object_ghosts(plan: Plan, camera: Camera, canvas: Canvas) -> None:
-    """The goal's object at its waypoints, grey, and the edge of its goal, green."""
+    """Draws grey ghosts of the goal's object at its waypoints, and a green outline of its goal."""
     name = plan.scene.goal.object
     alone = replace(plan.scene, bodies={name: plan.scene.bodies[name]}, robots={})
     with SimulatedWorld(alone) as world:

@@ -1,4 +1,4 @@
-"""The few numbers of a plan that a person wants to see."""
+"""Summary of a plan for people."""
 
 from statistics import median
 
@@ -6,7 +6,11 @@ from hmap_core.types import Plan, SegmentKind
 
 
 def summary(plan: Plan) -> dict[str, str]:
-    """Name -> value with its unit, in the order to be shown."""
+    """Key figures of a plan.
+
+    Returns:
+        Name -> value with its unit, in display order.
+    """
     stats = plan.stats
     kinds = [segment.kind for segment in plan.segments]
     contacts = sum(kind is not SegmentKind.TRANSIT for kind in kinds)

@@ -1,26 +1,34 @@
-"""Where to look at a plan from, so that everything that matters is in the picture."""
+"""Viewpoint of the picture of a plan, chosen so that robots, waypoints and goal are visible."""
 
 import numpy as np
 
 from hmap_core import transforms
-from hmap_core.types import Camera, Plan
+from hmap_core.types import Camera, Plan, Shape
 
 ELEVATION = np.deg2rad(38.0)
-TWIST = np.deg2rad(-12.0)  # off the line from the robots to the work, so that depth can be seen
+TWIST = np.deg2rad(-12.0)  # azimuth relative to the line from the robots to the object, so that depth is visible
 FOV_Y = np.deg2rad(30.0)
-ROBOT_HEIGHT = 0.55  # m; the robots are in the picture up to here
-MIN_DISTANCE = 1.06  # of the distance at which everything just fits
-MIN_LEVER = 0.05  # m; robots nearer to the work than this say nothing about a direction
+ROBOT_HEIGHT = 0.55  # m, height up to which the robots are visible
+MIN_DISTANCE = 1.06  # relative to the distance at which everything just fits
+MIN_LEVER = 0.05  # m, horizontal distance from robots to object below which it defines no direction
 
 
 def camera_for(plan: Plan, width: int, height: int) -> Camera:
-    """A camera on the far side of the work, looking down on it towards the robots."""
+    """Chooses the camera: beyond the object as seen from the robots, looking down at it.
+
+    Args:
+        plan: the plan.
+        width, height: pixels.
+
+    Returns:
+        The camera.
+    """
     points = _points(plan)
     center = 0.5 * (points.min(axis=0) + points.max(axis=0))
     bases = np.array([robot.base_pose[:3] for robot in plan.scene.robots.values()] or [center])
     goal_object = plan.trajectory.objects[plan.scene.goal.object]
     forward = (goal_object[:, :3].mean(axis=0) - bases.mean(axis=0)) * [1.0, 1.0, 0.0]
-    # across the line on which several robots stand, rather than along it
+    # perpendicular to the line through the bases of several robots
     if len(bases) > 1:
         line = (bases[-1] - bases[0]) * [1.0, 1.0, 0.0]
         line /= max(np.linalg.norm(line), 1e-9)
@@ -38,7 +46,7 @@ def camera_for(plan: Plan, width: int, height: int) -> Camera:
 
 
 def _points(plan: Plan) -> np.ndarray:
-    """What has to be in the picture (N, 3): the object along its way, the robots."""
+    """Points (N, 3) that must be visible, world frame: the object at start, waypoints and goal, and the robots."""
     body = plan.scene.bodies[plan.scene.goal.object]
     corners = np.array([transforms.apply(shape.pose, _corners(shape)) for shape in body.shapes]).reshape(-1, 3)
     poses = [body.pose, *plan.waypoints, plan.scene.goal.pose]
@@ -48,14 +56,14 @@ def _points(plan: Plan) -> np.ndarray:
     return np.concatenate(points)
 
 
-def _corners(shape) -> np.ndarray:
+def _corners(shape: Shape) -> np.ndarray:
     size = np.asarray(shape.size, float)
     half = 0.5 * size if len(size) == 3 else np.full(3, size.max())
     return np.array(np.meshgrid(*np.stack([-half, half], axis=1))).reshape(3, -1).T
 
 
 def _rotation(forward: np.ndarray) -> np.ndarray:
-    """Columns x right, y down, z forward of a camera that looks along ``forward`` with the horizon level."""
+    """Rotation (3, 3) of a camera with optical axis ``forward`` (3,) and level horizon: x right, y down, z forward."""
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     return np.column_stack([right, np.cross(forward, right), forward])
