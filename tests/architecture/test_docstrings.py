@@ -57,8 +57,6 @@ NOT_CONVERTED = {
     "ros2_ws/src/hmap_core/hmap_core/collision/scene_model.py",
     "ros2_ws/src/hmap_core/hmap_core/contacts/camera.py",
     "ros2_ws/src/hmap_core/hmap_core/contacts/solids.py",
-    "ros2_ws/src/hmap_core/hmap_core/evaluation/summary.py",
-    "ros2_ws/src/hmap_core/hmap_core/evaluation/worker.py",
     "ros2_ws/src/hmap_core/hmap_core/execution/closed_loop.py",
     "ros2_ws/src/hmap_core/hmap_core/komo/features/base.py",
     "ros2_ws/src/hmap_core/hmap_core/komo/skeleton_problem.py",
@@ -70,11 +68,6 @@ NOT_CONVERTED = {
     "ros2_ws/src/hmap_core/hmap_core/planner/repair.py",
     "ros2_ws/src/hmap_core/hmap_core/precompile.py",
     "ros2_ws/src/hmap_core/hmap_core/simulation/robots.py",
-    "ros2_ws/src/hmap_core/hmap_core/validation/contacts.py",
-    "ros2_ws/src/hmap_core/hmap_core/validation/document.py",
-    "ros2_ws/src/hmap_core/hmap_core/validation/pairs.py",
-    "ros2_ws/src/hmap_core/hmap_core/validation/reader.py",
-    "ros2_ws/src/hmap_core/hmap_core/validation/support.py",
 }
 Definition = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)

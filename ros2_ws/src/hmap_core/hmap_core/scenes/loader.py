@@ -54,21 +54,30 @@ def load_scene(task: str | Path, seed: int | None = None) -> Scene:
 
 
 def read_task(task: str | Path) -> Document:
-    """The file of a task: a name of :func:`list_tasks`, or a path.
+    """Reads the file of a task.
+
+    Args:
+        task: a name of :func:`list_tasks`, or the path of a task file.
+
+    Returns:
+        Its content, not yet validated.
 
     Raises:
-        InputError: UNKNOWN_TASK, or INVALID_SCENE where it is not such a file.
+        InputError: UNKNOWN_TASK, or INVALID_SCENE if the file is no task file.
     """
     return read(_task_path(task))
 
 
 def instantiate(document: Document, task: str, seed: int | None = None) -> Scene:
-    """The scene that a task's document describes, randomised with ``seed``.
+    """Builds the scene that a task's document describes, and randomises it.
 
     Args:
-        document: the task.
-        task: its name.
-        seed: as of :func:`load_scene`.
+        document: the content of a task file.
+        task: name of the task.
+        seed: see :func:`load_scene`.
+
+    Returns:
+        The scene.
 
     Raises:
         InputError: as :func:`load_scene`.
