@@ -1,4 +1,4 @@
-"""Shapes and bodies <-> messages."""
+"""Conversions of shapes and bodies."""
 
 from typing import Any
 
@@ -15,7 +15,11 @@ BODY_KINDS = (Body.FIXED, Body.MOVABLE, Body.TOOL)
 
 
 def shape_to_message(shape: Any) -> Shape:
-    """A shape with ``kind``, ``size``, ``pose`` (7,) and, for a mesh, ``mesh`` as a message."""
+    """Convert a shape with ``kind``, ``size``, ``pose`` (7,) and, for a mesh, ``mesh``.
+
+    Raises:
+        ConversionError: a value is not allowed.
+    """
     kind = one_of("kind of shape", field(shape, "kind"), tuple(SHAPE_KINDS))
     size = finite(f"size of {kind}", field(shape, "size"), (SHAPE_KINDS[kind],))
     mesh = field(shape, "mesh", None)
@@ -24,7 +28,11 @@ def shape_to_message(shape: Any) -> Shape:
 
 
 def shape_from_message(message: Shape) -> dict:
-    """``{kind, size, pose, mesh}``; mesh is None but for meshes."""
+    """Convert to ``{kind, size, pose, mesh}``; mesh is None except for meshes.
+
+    Raises:
+        ConversionError: a value is not allowed.
+    """
     kind = one_of("kind of shape", message.kind, tuple(SHAPE_KINDS))
     return {
         "kind": kind,
@@ -35,11 +43,15 @@ def shape_from_message(message: Shape) -> dict:
 
 
 def body_to_message(body: Any, pose: np.ndarray | None = None) -> Body:
-    """A body as a message, at ``pose`` (7,) where that is given, else at its own.
+    """Convert a body.
 
     Args:
         body: has ``name``, ``kind``, ``shapes``, ``pose``, ``mass``, ``friction``, ``graspable`` (boxes (2, 3)) and
             ``color`` (4,) or None.
+        pose: T_world_body (7,); default: the body's own.
+
+    Raises:
+        ConversionError: a value is not allowed.
     """
     name = field(body, "name")
     color = field(body, "color", None)
@@ -59,7 +71,13 @@ def body_to_message(body: Any, pose: np.ndarray | None = None) -> Body:
 
 
 def body_from_message(message: Body) -> dict:
-    """``{name, kind, shapes, pose, mass, friction, graspable, color}``; shapes as of :func:`shape_from_message`."""
+    """Convert to ``{name, kind, shapes, pose, mass, friction, graspable, color}``.
+
+    The shapes are those of :func:`shape_from_message`.
+
+    Raises:
+        ConversionError: a value is not allowed.
+    """
     name, c = message.name, message.color
     color = finite(f"color of {name!r}", [c.r, c.g, c.b, c.a], (4,))
     return {

@@ -1,11 +1,11 @@
-"""What is checked of every number that enters or leaves a message."""
+"""Checks of the numbers in messages."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-UNIT_TOLERANCE = 1e-3  # how far the norm of a quaternion or a direction may be from 1: float32 senders stay well below
+UNIT_TOLERANCE = 1e-3  # deviation of a norm from 1; senders with float32 stay well below
 
 
 class ConversionError(ValueError):
@@ -13,14 +13,22 @@ class ConversionError(ValueError):
 
 
 class PoseError(ConversionError):
-    """A pose that is none: not finite, or its quaternion not normalised."""
+    """A malformed pose: it is not finite, or its quaternion is not normalised."""
 
 
 def finite(name: str, values: Any, shape: tuple[int | None, ...] | None = None) -> np.ndarray:
-    """``values`` as float64, all finite and, where given, of this shape (None: any length).
+    """Check for finite numbers.
+
+    Args:
+        name: of the values, for the error.
+        values: numbers.
+        shape: the expected shape; an entry None allows any length.
+
+    Returns:
+        The values as float64.
 
     Raises:
-        ConversionError: otherwise.
+        ConversionError: the values are no numbers, not finite, or have another shape.
     """
     try:
         array = np.asarray(values, np.float64)
@@ -39,10 +47,10 @@ def finite(name: str, values: Any, shape: tuple[int | None, ...] | None = None) 
 
 
 def unit(name: str, values: Any, shape: tuple[int | None, ...]) -> np.ndarray:
-    """``values`` as vectors of norm 1 along the last axis; rounding within ``UNIT_TOLERANCE`` is kept as it is.
+    """Check for vectors of norm 1 along the last axis. Deviations within ``UNIT_TOLERANCE`` are not corrected.
 
     Raises:
-        ConversionError: where a norm is further from 1.
+        ConversionError: a norm is not 1, or as :func:`finite`.
     """
     array = finite(name, values, shape)
     norms = np.linalg.norm(array, axis=-1)
@@ -53,10 +61,10 @@ def unit(name: str, values: Any, shape: tuple[int | None, ...]) -> np.ndarray:
 
 
 def poses(name: str, values: Any, count: int | None = None) -> np.ndarray:
-    """``values`` as poses (N, 7): x, y, z in metres and a unit quaternion x, y, z, w.
+    """Check for poses (N, 7): x, y, z in metres and a unit quaternion x, y, z, w.
 
     Raises:
-        PoseError: otherwise.
+        PoseError: a pose is malformed.
     """
     try:
         array = finite(name, values, (count, 7))
@@ -67,7 +75,11 @@ def poses(name: str, values: Any, count: int | None = None) -> np.ndarray:
 
 
 def one_of(name: str, value: str, allowed: Sequence[str]) -> str:
-    """``value`` as plain text, when it is one of ``allowed``."""
+    """Check for one of the allowed texts; returns it as plain text.
+
+    Raises:
+        ConversionError: the value is not allowed.
+    """
     text = str(value)
     if text not in allowed:
         raise ConversionError(f"{name} is {text!r}; it must be one of {', '.join(allowed)}")
@@ -75,13 +87,17 @@ def one_of(name: str, value: str, allowed: Sequence[str]) -> str:
 
 
 def same_length(name: str, values: Sequence, expected: int, of: str) -> None:
-    """Raises where ``values`` are not ``expected`` many, the number of ``of``."""
+    """Check for ``expected`` values, the number of ``of``.
+
+    Raises:
+        ConversionError: the number differs.
+    """
     if len(values) != expected:
         raise ConversionError(f"{name} has {len(values)} values for {expected} {of}")
 
 
 def field(data: Any, name: str, *default: Any) -> Any:
-    """``data[name]`` of a dict, ``data.name`` of anything else."""
+    """``data[name]`` of a dict, ``data.name`` of any other object."""
     if isinstance(data, Mapping):
         return data.get(name, *default) if default else data[name]
     return getattr(data, name, *default)

@@ -1,4 +1,4 @@
-"""Point clouds <-> sensor_msgs/PointCloud2: float32 x, y, z in metres and, where known, the unit normal."""
+"""Conversions of point clouds (sensor_msgs/PointCloud2): float32 x, y, z in metres and, if known, the unit normal."""
 
 import array
 
@@ -18,7 +18,7 @@ DTYPES = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
 
 
 def byte_array(values: np.ndarray) -> array.array:
-    """The bytes of an array as messages take them fast: an ndarray or a list for ``data`` takes 200 times as long."""
+    """The bytes of an array in a type that ``data`` of messages accepts 200 times faster than an ndarray or a list."""
     data = array.array("B")
     data.frombytes(np.ascontiguousarray(values).reshape(-1).view(np.uint8).data)
     return data
@@ -27,7 +27,17 @@ def byte_array(values: np.ndarray) -> array.array:
 def cloud_to_message(
     points: np.ndarray, normals: np.ndarray | None = None, frame_id: str = "", stamp: Time | None = None
 ) -> PointCloud2:
-    """Points (N, 3) and unit normals (N, 3), both in the frame ``frame_id``, as a message."""
+    """Convert a point cloud.
+
+    Args:
+        points: (N, 3) m, in the frame ``frame_id``.
+        normals: (N, 3) unit normals in this frame, or None.
+        frame_id: name of the frame.
+        stamp: time of the measurement.
+
+    Raises:
+        ConversionError: a value is not allowed.
+    """
     columns = [finite("points", points, (None, 3)).astype(np.float32)]
     names = POINT_FIELDS
     if normals is not None:
@@ -52,12 +62,12 @@ def cloud_to_message(
 
 
 def cloud_from_message(message: PointCloud2) -> tuple[np.ndarray, np.ndarray | None]:
-    """Points (N, 3) and, where the message has them, normals (N, 3), float32.
+    """Convert to points (N, 3) and, if the message has them, normals (N, 3), float32.
 
-    Points that are not finite are left out, as depth cameras mark missing points by NaN.
+    Points that are not finite are dropped; depth cameras mark missing points by NaN.
 
     Raises:
-        ConversionError: when a field is missing or of a wrong type, or the data are shorter than the message says.
+        ConversionError: a field is missing or has a wrong type, or there are fewer data than the message declares.
     """
     names = {field.name for field in message.fields}
     wanted = POINT_FIELDS + (NORMAL_FIELDS if names.issuperset(NORMAL_FIELDS) else ())
@@ -71,7 +81,7 @@ def cloud_from_message(message: PointCloud2) -> tuple[np.ndarray, np.ndarray | N
 
 
 def _records(message: PointCloud2, wanted: tuple[str, ...]) -> np.ndarray:
-    """The wanted fields of every point as a structured array (N,); no copy."""
+    """The wanted fields of every point as a structured array (N,), without a copy."""
     fields = {field.name: field for field in message.fields}
     for name in wanted:
         if name not in fields or fields[name].datatype not in DTYPES:
@@ -99,7 +109,18 @@ def _records(message: PointCloud2, wanted: tuple[str, ...]) -> np.ndarray:
 def object_cloud_to_message(
     name: str, pose: np.ndarray, points: np.ndarray, normals: np.ndarray, stamp: Time | None = None
 ) -> ObjectCloud:
-    """The seen surface of an object: points (N, 3) and normals (N, 3) in its frame, and its pose (7,) in the world."""
+    """Convert the visible surface of an object.
+
+    Args:
+        name: of the object.
+        pose: T_world_obj (7,) at the time of the measurement.
+        points: (N, 3) m, object frame.
+        normals: (N, 3) outward unit normals, object frame.
+        stamp: time of the measurement.
+
+    Raises:
+        ConversionError: a value is not allowed.
+    """
     return ObjectCloud(
         object=name,
         pose=pose_to_message(pose, f"pose of {name!r}"),
@@ -108,7 +129,11 @@ def object_cloud_to_message(
 
 
 def object_cloud_from_message(message: ObjectCloud) -> dict:
-    """``{object, pose (7,), points (N, 3), normals (N, 3) or None}``."""
+    """Convert to ``{object, pose (7,), points (N, 3), normals (N, 3) or None}``.
+
+    Raises:
+        ConversionError: a value is not allowed.
+    """
     points, normals = cloud_from_message(message.cloud)
     pose = pose_from_message(message.pose, f"pose of {message.object!r}")
     return {"object": message.object, "pose": pose, "points": points, "normals": normals}

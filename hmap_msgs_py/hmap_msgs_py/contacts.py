@@ -1,4 +1,4 @@
-"""Contact candidates and their feasibility <-> messages."""
+"""Conversions of contact candidates and of their feasibility."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -27,16 +27,19 @@ def contact_to_message(
     keyframes: np.ndarray | None = None,
     clear: Sequence[str] = (),
 ) -> ContactCandidate:
-    """A contact of ``robot`` with an object as a message.
+    """Convert a contact of ``robot`` with an object.
 
     Args:
         contact: has ``kind``, ``T_obj_ee`` (7,), ``point`` (3,), ``normal`` (3,), ``opening``, ``approach`` (3,) and
             ``score``.
         robot: name of the robot.
         object_name: name of the object.
-        reach: index of the farthest object pose to which the contact serves.
+        reach: index of the last object pose that the contact reaches.
         keyframes: arm configurations (reach + 1, n) in rad at the object poses.
-        clear: other robots that have to go home before.
+        clear: other robots that have to move to their home configurations first.
+
+    Raises:
+        ConversionError: a value is not allowed.
     """
     return ContactCandidate(
         robot=robot,
@@ -55,7 +58,12 @@ def contact_to_message(
 
 
 def contact_from_message(message: ContactCandidate) -> dict:
-    """``{kind, T_obj_ee, point, normal, opening, approach, score}``; the rest is in the message."""
+    """Convert to ``{kind, T_obj_ee, point, normal, opening, approach, score}``, without the other fields of the
+    message.
+
+    Raises:
+        ConversionError: a value is not allowed.
+    """
     return {
         "kind": one_of("kind of contact", message.kind, KINDS),
         "T_obj_ee": pose_from_message(message.pose, "contact pose"),
@@ -70,8 +78,17 @@ def contact_from_message(message: ContactCandidate) -> dict:
 def feasibility_to_message(
     keyframes: np.ndarray | None, error: ErrorCode | None = None, clear: Sequence[str] = ()
 ) -> ContactFeasibility:
-    """The configurations (P, n) in rad that keep a contact at the first P object poses; None, with the reason:
-    infeasible."""
+    """Convert the result of a feasibility check.
+
+    Args:
+        keyframes: arm configurations (P, n) in rad that keep the contact at the first P object poses; None: the contact
+            is infeasible.
+        error: the reason if it is infeasible.
+        clear: other robots that have to move to their home configurations first.
+
+    Raises:
+        ConversionError: the configurations are not finite.
+    """
     if keyframes is None:
         return ContactFeasibility(feasible=False, error=error or ErrorCode(code=ErrorCode.NO_CONTACT, stage="contacts"))
     reach = len(keyframes) - 1
@@ -79,7 +96,11 @@ def feasibility_to_message(
 
 
 def keyframes_from_message(message: ContactCandidate | ContactFeasibility, joints: int) -> np.ndarray:
-    """The arm configurations (P, joints) in rad; P is 0 where none are given."""
+    """Convert to arm configurations (P, joints) in rad; P is 0 if the message has none.
+
+    Raises:
+        ConversionError: the number of values is no multiple of ``joints``, or a value is not finite.
+    """
     if len(message.keyframes) % joints:
         raise ConversionError(f"keyframes has {len(message.keyframes)} values; it must have rows of {joints}")
     return finite("keyframes", message.keyframes).reshape(-1, joints)

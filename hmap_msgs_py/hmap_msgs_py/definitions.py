@@ -5,7 +5,7 @@
 
     with AnyReader([Path("run")], default_typestore=typestore()) as reader: ...
 
-``definitions/`` in the source tree is a link to the messages of hmap_msgs; a wheel holds their copies.
+``definitions/`` in the source tree is a link to the messages of hmap_msgs; a wheel contains copies.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def definitions() -> dict[str, str]:
-    """Type name, such as ``hmap_msgs/msg/Plan``, -> its definition."""
+    """Map the name of each type, such as ``hmap_msgs/msg/Plan``, to its definition."""
     return {
         f"{package.name}/msg/{message.name.removesuffix('.msg')}": message.read_text(encoding="utf-8")
         for package in _sorted(files("hmap_msgs_py") / "definitions")
@@ -29,7 +29,7 @@ def definitions() -> dict[str, str]:
 
 
 def typestore() -> Typestore:
-    """The types of ROS 2 Jazzy and of hmap, for the readers and writers of rosbags (which must be installed)."""
+    """The types of ROS 2 Jazzy and of hmap for the readers and writers of rosbags, which must be installed."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # an extra of this package
 
     types = {}

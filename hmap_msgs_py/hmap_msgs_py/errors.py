@@ -1,11 +1,15 @@
-"""Errors of the planner <-> hmap_msgs/ErrorCode."""
+"""Conversion of errors to hmap_msgs/ErrorCode."""
 
 from hmap_msgs.msg import ErrorCode
 from hmap_msgs_py.checks import ConversionError, PoseError
 
 
 def error_to_message(error: Exception | None = None) -> ErrorCode:
-    """An exception as a message, INTERNAL where it has no ``code``, ``stage`` and ``reason``; None is success."""
+    """Convert an exception.
+
+    Args:
+        error: with ``code``, ``stage`` and ``reason``; an exception without these becomes INTERNAL. None means success.
+    """
     if error is None:
         return ErrorCode(code=ErrorCode.SUCCESS)
     if hasattr(error, "code") and hasattr(error, "stage") and hasattr(error, "reason"):

@@ -1,4 +1,4 @@
-"""Images <-> sensor_msgs/Image: colour, depth in metres or millimetres, and masks of instances."""
+"""Conversions of images (sensor_msgs/Image): colour, depth in metres or millimetres, and instance masks."""
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -23,7 +23,11 @@ MILLIMETRES_PER_METRE = 1000.0
 
 
 def image_to_message(pixels: np.ndarray, encoding: str, frame_id: str = "", stamp: Time | None = None) -> Image:
-    """Pixels (H, W) or (H, W, C) as a message, in the type that ``encoding`` names."""
+    """Convert pixels (H, W) or (H, W, C) of the type that ``encoding`` names.
+
+    Raises:
+        ConversionError: the encoding is unknown, or type or shape of the pixels do not fit it.
+    """
     kind, channels = _encoding(encoding)
     expected = "(H, W)" if channels == 1 else f"(H, W, {channels})"
     if pixels.shape[2:] != (() if channels == 1 else (channels,)) or pixels.dtype != np.dtype(kind):
@@ -43,7 +47,11 @@ def image_to_message(pixels: np.ndarray, encoding: str, frame_id: str = "", stam
 
 
 def image_from_message(message: Image) -> np.ndarray:
-    """Pixels (H, W) or (H, W, C) of a message, read-only where no copy is needed."""
+    """Convert to pixels (H, W) or (H, W, C); they are read-only if no copy is needed.
+
+    Raises:
+        ConversionError: the encoding is unknown, or the size of the data is wrong.
+    """
     kind, channels = _encoding(message.encoding)
     dtype = np.dtype(kind).newbyteorder(">" if message.is_bigendian else "<")
     used = message.width * channels * dtype.itemsize
@@ -59,7 +67,11 @@ def image_from_message(message: Image) -> np.ndarray:
 
 
 def depth_from_message(message: Image) -> np.ndarray:
-    """Depth (H, W) in metres, float32, NaN where there is none; from 32FC1 in metres or 16UC1 in millimetres."""
+    """Convert 32FC1 in metres or 16UC1 in millimetres to depth (H, W) in metres, float32, NaN without a measurement.
+
+    Raises:
+        ConversionError: the encoding is no depth encoding, or the size of the data is wrong.
+    """
     pixels = image_from_message(message)
     if message.encoding in ("16UC1", "mono16"):
         return np.where(pixels == 0, np.float32(np.nan), pixels.astype(np.float32) / np.float32(MILLIMETRES_PER_METRE))

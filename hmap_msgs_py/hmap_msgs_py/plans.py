@@ -1,4 +1,4 @@
-"""Trajectories, segments, waypoints and plans <-> messages."""
+"""Conversions of trajectories, segments, waypoints and plans."""
 
 import array
 import json
@@ -17,16 +17,19 @@ from hmap_msgs_py.poses import pose_from_message, pose_to_message, poses_to_mess
 from hmap_msgs_py.world import WORLD_FRAME, scene_from_message
 
 SEGMENT_KINDS = (Segment.TRANSIT, Segment.TOUCH, Segment.GRASP, Segment.PUSH)
-TYPED_KEYS = ("trajectory", "segments", "waypoints", "stats")  # entries of a plan file with fields of their own
+TYPED_KEYS = ("trajectory", "segments", "waypoints", "stats")  # entries of a plan file with their own fields
 
 
 def trajectory_to_message(trajectory: Any, joint_names: Mapping[str, Sequence[str]]) -> PlanTrajectory:
-    """Timed samples as a message.
+    """Convert timed samples.
 
     Args:
         trajectory: has ``time`` (N,), ``joints`` {robot: (N, n)}, ``gripper`` {robot: (N,)} and
             ``objects`` {name: (N, 7)}.
         joint_names: robot -> the names of its n joints, in the order of the columns.
+
+    Raises:
+        ConversionError: a value is not allowed.
     """
     time = _increasing(field(trajectory, "time"))
     gripper = field(trajectory, "gripper")
@@ -46,11 +49,14 @@ def trajectory_to_message(trajectory: Any, joint_names: Mapping[str, Sequence[st
 def trajectory_from_message(
     message: PlanTrajectory, joint_names: Mapping[str, Sequence[str]] | None = None
 ) -> dict[str, Any]:
-    """``{time, joints, gripper, objects}``, as :func:`trajectory_to_message` takes them.
+    """Convert to ``{time, joints, gripper, objects}``, as in :func:`trajectory_to_message`.
 
     Args:
         message: the message.
-        joint_names: robot -> joint names; the columns come in this order. As in the message by default.
+        joint_names: robot -> joint names in the wanted order of the columns; default: as in the message.
+
+    Raises:
+        ConversionError: a value is not allowed.
     """
     time = _increasing(message.time)
     joints, gripper = {}, {}
@@ -69,10 +75,13 @@ def trajectory_from_message(
 
 
 def segment_to_message(segment: Any) -> Segment:
-    """A stretch in one contact mode as a message.
+    """Convert a segment, a time interval with one contact mode.
 
     Args:
         segment: has ``start``, ``end``, ``robot``, ``manipulator``, ``object``, ``kind`` and ``contact_pose``.
+
+    Raises:
+        ConversionError: a value is not allowed.
     """
     contact = field(segment, "contact_pose", None)
     return Segment(
@@ -88,7 +97,11 @@ def segment_to_message(segment: Any) -> Segment:
 
 
 def segment_from_message(message: Segment) -> dict[str, Any]:
-    """The keys that :func:`segment_to_message` takes; object and contact_pose are None in transit."""
+    """Convert to the keys of :func:`segment_to_message`; object and contact_pose are None in transit.
+
+    Raises:
+        ConversionError: a value is not allowed.
+    """
     return {
         "start": float(finite("start of segment", message.start, ())),
         "end": float(finite("end of segment", message.end, ())),
@@ -101,7 +114,11 @@ def segment_from_message(message: Segment) -> dict[str, Any]:
 
 
 def waypoints_to_message(object_name: str, values: np.ndarray, stamp: Time | None = None) -> Waypoints:
-    """Sub-goals (I, 7) of an object in the world frame as a message."""
+    """Convert the sub-goals T_world_obj (I, 7) of an object.
+
+    Raises:
+        PoseError: a pose is malformed.
+    """
     return Waypoints(
         header=Header(stamp=stamp or Time(), frame_id=WORLD_FRAME),
         waypoints=[
@@ -112,23 +129,31 @@ def waypoints_to_message(object_name: str, values: np.ndarray, stamp: Time | Non
 
 
 def waypoints_from_message(message: Waypoints) -> np.ndarray:
-    """Sub-goals (I, 7)."""
+    """Convert to sub-goals T_world_obj (I, 7).
+
+    Raises:
+        PoseError: a pose is malformed.
+    """
     values = [pose_from_message(waypoint.pose, f"waypoint {waypoint.index}") for waypoint in message.waypoints]
     return np.array(values).reshape(-1, 7)
 
 
 def statistics_to_messages(statistics: Mapping[str, Any]) -> list[KeyValue]:
-    """Statistics as names and JSON values."""
+    """Convert statistics to names and JSON values."""
     return [KeyValue(key=str(key), value=json.dumps(value)) for key, value in statistics.items()]
 
 
 def statistics_from_messages(messages: Iterable[KeyValue]) -> dict[str, Any]:
-    """The dict that :func:`statistics_to_messages` took."""
+    """Convert to the dict that :func:`statistics_to_messages` takes."""
     return {message.key: json.loads(message.value) for message in messages}
 
 
 def plan_to_message(plan: Mapping[str, Any], stamp: Time | None = None) -> Plan:
-    """A plan, as its file holds it, as a message."""
+    """Convert a plan in the form of its file.
+
+    Raises:
+        ConversionError: a value is not allowed.
+    """
     header = Header(stamp=stamp or Time(), frame_id=WORLD_FRAME)
     rest = {key: value for key, value in plan.items() if key not in TYPED_KEYS}
     joint_names = {name: robot["joint_names"] for name, robot in plan["robots"].items()}
@@ -143,7 +168,11 @@ def plan_to_message(plan: Mapping[str, Any], stamp: Time | None = None) -> Plan:
 
 
 def plan_from_message(message: Plan) -> dict[str, Any]:
-    """The plan as its file holds it: JSON values only, ready to be saved or read as a plan file."""
+    """Convert to the form of a plan file, with JSON values only.
+
+    Raises:
+        ConversionError: a value is not allowed.
+    """
     plan = scene_from_message(message.scene)
     trajectory = trajectory_from_message(message.trajectory)
     plan["trajectory"] = {"time": trajectory["time"].tolist()} | {
@@ -164,7 +193,7 @@ def _doubles(values: np.ndarray) -> array.array:
 
 
 def _increasing(values: Any) -> np.ndarray:
-    """Times (N,) in seconds, checked."""
+    """Check times (N,) in seconds."""
     time = finite("time", values, (None,))
     if np.any(np.diff(time) <= 0.0):
         raise ConversionError(f"time must increase; it does not after sample {int(np.argmax(np.diff(time) <= 0.0))}")

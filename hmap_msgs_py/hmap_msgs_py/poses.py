@@ -1,4 +1,4 @@
-"""Poses (7,) = x, y, z, qx, qy, qz, qw <-> geometry_msgs. Metres; quaternions xyzw."""
+"""Conversions of poses (7,) = x, y, z, qx, qy, qz, qw (geometry_msgs). Metres; quaternions xyzw."""
 
 from collections.abc import Sequence
 
@@ -9,45 +9,77 @@ from hmap_msgs_py.checks import finite, poses, unit
 
 
 def pose_to_message(pose: np.ndarray, name: str = "pose") -> Pose:
-    """A pose (7,) as a message."""
+    """Convert a pose (7,).
+
+    Raises:
+        PoseError: the pose is malformed.
+    """
     x, y, z, qx, qy, qz, qw = poses(name, [pose], 1)[0].tolist()
     return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
 
 
 def pose_from_message(message: Pose, name: str = "pose") -> np.ndarray:
-    """A pose (7,) of a message."""
+    """Convert to a pose (7,).
+
+    Raises:
+        PoseError: the pose is malformed.
+    """
     p, q = message.position, message.orientation
     return poses(name, [[p.x, p.y, p.z, q.x, q.y, q.z, q.w]], 1)[0]
 
 
 def poses_to_messages(values: np.ndarray, name: str = "poses") -> list[Pose]:
-    """Poses (N, 7) as messages."""
+    """Convert poses (N, 7).
+
+    Raises:
+        PoseError: a pose is malformed.
+    """
     checked = poses(name, np.reshape(values, (-1, 7)) if np.size(values) == 0 else values)
     return [pose_to_message(pose, name) for pose in checked]
 
 
 def poses_from_messages(messages: Sequence[Pose], name: str = "poses") -> np.ndarray:
-    """Poses (N, 7) of messages."""
+    """Convert to poses (N, 7).
+
+    Raises:
+        PoseError: a pose is malformed.
+    """
     return np.array([pose_from_message(m, f"{name}[{i}]") for i, m in enumerate(messages)]).reshape(-1, 7)
 
 
 def point_to_message(point: np.ndarray, name: str = "point") -> Point:
-    """A point (3,) in metres as a message."""
+    """Convert a point (3,) in metres.
+
+    Raises:
+        ConversionError: it is not finite or has a wrong size.
+    """
     x, y, z = finite(name, point, (3,)).tolist()
     return Point(x=x, y=y, z=z)
 
 
 def point_from_message(message: Point | Vector3, name: str = "point") -> np.ndarray:
-    """A point or vector (3,) of a message."""
+    """Convert to a point or vector (3,).
+
+    Raises:
+        ConversionError: it is not finite.
+    """
     return finite(name, [message.x, message.y, message.z], (3,))
 
 
 def direction_to_message(direction: np.ndarray, name: str = "direction") -> Vector3:
-    """A unit vector (3,) as a message."""
+    """Convert a unit vector (3,).
+
+    Raises:
+        ConversionError: its norm is not 1.
+    """
     x, y, z = unit(name, direction, (3,)).tolist()
     return Vector3(x=x, y=y, z=z)
 
 
 def direction_from_message(message: Vector3, name: str = "direction") -> np.ndarray:
-    """A unit vector (3,) of a message."""
+    """Convert to a unit vector (3,).
+
+    Raises:
+        ConversionError: its norm is not 1.
+    """
     return unit(name, [message.x, message.y, message.z], (3,))

@@ -1,4 +1,4 @@
-"""Times, durations and joint trajectories <-> messages. Seconds; a float64 keeps wall-clock stamps to 0.3 us."""
+"""Conversions of times, durations and joint trajectories. Seconds; float64 keeps wall-clock stamps to 0.3 us."""
 
 from collections.abc import Sequence
 
@@ -12,26 +12,43 @@ NANOSECONDS = 1_000_000_000
 
 
 def time_to_message(seconds: float) -> Time:
-    """Seconds since the epoch of the clock as a message."""
+    """Convert seconds since the epoch of the clock.
+
+    Raises:
+        ConversionError: the time is not finite.
+    """
     return Time(**_split(seconds))
 
 
 def duration_to_message(seconds: float) -> Duration:
-    """Seconds as a message."""
+    """Convert seconds.
+
+    Raises:
+        ConversionError: the duration is not finite.
+    """
     return Duration(**_split(seconds))
 
 
 def seconds_from_message(message: Time | Duration) -> float:
-    """Seconds of a stamp or a duration."""
+    """Convert a stamp or a duration to seconds."""
     return message.sec + message.nanosec / NANOSECONDS
 
 
 def joint_trajectory_to_message(
     joint_names: Sequence[str], time: np.ndarray, positions: np.ndarray, velocities: np.ndarray | None = None
 ) -> JointTrajectory:
-    """Samples (N, n) of n joints, rad or m, at times (N,) in seconds from the start, as a message.
+    """Convert a joint trajectory.
 
-    A controller that gets no velocities interpolates linearly; the last velocity must be zero for it to accept them.
+    A controller that gets no velocities interpolates linearly. It accepts velocities only if the last one is zero.
+
+    Args:
+        joint_names: names of the n joints.
+        time: (N,) s from the start.
+        positions: (N, n) rad or m.
+        velocities: (N, n) rad/s or m/s, or None.
+
+    Raises:
+        ConversionError: a value is not finite, or sizes do not match.
     """
     names = list(joint_names)
     stamps = finite("time", time, (None,))
@@ -51,10 +68,11 @@ def joint_trajectory_to_message(
 def joint_trajectory_from_message(
     message: JointTrajectory, joint_names: Sequence[str]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Times (N,), positions (N, n) and velocities (N, n) or None; columns in the order of ``joint_names``.
+    """Convert to times (N,), positions (N, n) and velocities (N, n) or None; columns are in the order of
+    ``joint_names``.
 
     Raises:
-        ConversionError: when the joints are others, sizes do not fit, times do not increase or a value is not finite.
+        ConversionError: the joints differ, sizes do not match, times do not increase, or a value is not finite.
     """
     given = list(message.joint_names)
     if sorted(given) != sorted(joint_names):

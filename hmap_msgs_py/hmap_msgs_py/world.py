@@ -1,4 +1,4 @@
-"""Scenes, robots' states and the world's state <-> messages."""
+"""Conversions of scenes, robot states and world states."""
 
 import json
 from collections.abc import Iterable
@@ -17,7 +17,11 @@ WORLD_FRAME = "world"
 
 
 def scene_to_message(definition: dict) -> Scene:
-    """A scene's definition, a JSON value with ``task``, ``seed`` and ``mode``, as a message that holds it as text."""
+    """Convert a scene's definition, a JSON value with ``task``, ``seed`` and ``mode``; the message has it as text.
+
+    Raises:
+        ConversionError: the mode is unknown.
+    """
     return Scene(
         task=definition["task"],
         seed=int(definition["seed"]),
@@ -27,10 +31,10 @@ def scene_to_message(definition: dict) -> Scene:
 
 
 def scene_from_message(message: Scene) -> dict:
-    """The definition that a scene message holds.
+    """Convert to the scene's definition.
 
     Raises:
-        ConversionError: when its text is not the JSON of an object.
+        ConversionError: the text is no JSON object.
     """
     try:
         definition = json.loads(message.text)
@@ -43,11 +47,14 @@ def scene_from_message(message: Scene) -> dict:
 
 
 def robot_state_to_message(state: Any) -> RobotState:
-    """The state of an arm as a message.
+    """Convert the state of an arm.
 
     Args:
         state: has ``name``, ``model``, ``base_pose`` (7,), ``joint_names``, ``q`` (n,), ``gripper`` (opening in metres)
-            and maybe ``velocity`` (n,).
+            and optionally ``velocity`` (n,).
+
+    Raises:
+        ConversionError: a value is not allowed.
     """
     name, joint_names = field(state, "name"), list(field(state, "joint_names"))
     velocity = field(state, "velocity", None)
@@ -64,7 +71,11 @@ def robot_state_to_message(state: Any) -> RobotState:
 
 
 def robot_state_from_message(message: RobotState) -> dict:
-    """``{name, model, base_pose, joint_names, q, velocity or None, gripper}``."""
+    """Convert to ``{name, model, base_pose, joint_names, q, velocity or None, gripper}``.
+
+    Raises:
+        ConversionError: a value is not allowed.
+    """
     n = len(message.joint_names)
     velocity = finite(f"velocity of {message.name!r}", message.velocity, (n,)) if len(message.velocity) else None
     return {
@@ -81,7 +92,19 @@ def robot_state_from_message(message: RobotState) -> dict:
 def world_state_to_message(
     task: str, seed: int, mode: str, robots: Iterable[Any], bodies: Iterable[Any], stamp: Time | None = None
 ) -> WorldState:
-    """Everything at one instant: robots as :func:`robot_state_to_message` takes them, bodies where they are."""
+    """Convert the state of the world at one instant.
+
+    Args:
+        task: name of the task.
+        seed: of its randomisation.
+        mode: "kinematic" or "physical".
+        robots: as in :func:`robot_state_to_message`.
+        bodies: as in :func:`hmap_msgs_py.bodies.body_to_message`, at their current poses.
+        stamp: time of the state.
+
+    Raises:
+        ConversionError: a value is not allowed.
+    """
     return WorldState(
         header=Header(stamp=stamp or Time(), frame_id=WORLD_FRAME),
         task=task,
@@ -93,9 +116,12 @@ def world_state_to_message(
 
 
 def world_state_from_message(message: WorldState) -> dict:
-    """``{task, seed, mode, robots, bodies, q, gripper, poses}``.
+    """Convert to ``{task, seed, mode, robots, bodies, q, gripper, poses}``.
 
-    ``robots`` and ``bodies`` are dicts by name; ``q``, ``gripper`` and ``poses`` are what a SceneState takes.
+    ``robots`` and ``bodies`` are dicts by name; ``q``, ``gripper`` and ``poses`` are the arguments of a SceneState.
+
+    Raises:
+        ConversionError: a value is not allowed, or two robots or bodies have the same name.
     """
     robots = {robot.name: robot_state_from_message(robot) for robot in message.robots}
     bodies = {body.name: body_from_message(body) for body in message.bodies}
