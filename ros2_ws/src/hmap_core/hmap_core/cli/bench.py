@@ -1,4 +1,4 @@
-"""``hmap bench WHAT``: measurements; each has a module of its own."""
+"""``hmap bench WHAT``: measurements, each in a module of its own."""
 
 import argparse
 
@@ -9,14 +9,16 @@ WHAT = {"komo": bench_komo, "tasks": bench_tasks}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the measurements as sub-commands."""
     kinds = parser.add_subparsers(metavar="WHAT", required=True)
     for name, module in WHAT.items():
         kind = kinds.add_parser(name, help=module.HELP, description=module.HELP)
-        # also after WHAT; where it is not, what stands before it counts
+        # the option is allowed after WHAT, too; without it, the value given before WHAT is kept
         kind.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help="show the trace of an error")
         module.add_arguments(kind)
         kind.set_defaults(measurement=module)
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the chosen measurement; the exit code."""
     return arguments.measurement.run(arguments)

@@ -1,4 +1,4 @@
-"""``hmap bench komo``: our KOMO against RAI's, on the same instances, before the same judge."""
+"""``hmap bench komo``: hmap's KOMO and RAI's on the same instances, with the same judge."""
 
 import argparse
 import json
@@ -10,10 +10,11 @@ from hmap_core.exceptions import InputError
 
 HELP = "measure the optimiser against its peer, RAI's KOMO"
 INSTANCES = 50
-SHOWN = 5  # false accepts that are described for each side
+SHOWN = 5  # number of false accepts that are described for each solver
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the measurement."""
     parser.add_argument("--problems", nargs="+", default=[], metavar="NAME", help="only these problems (all)")
     parser.add_argument("--instances", type=count, default=INSTANCES, metavar="N", help=f"of each ({INSTANCES})")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file, too")
@@ -25,6 +26,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the measurement.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        InputError: a file cannot be written, a problem is unknown, or RAI is missing.
+    """
     for file in (arguments.json, arguments.plot, arguments.scaling):
         if file is not None and not file.resolve().parent.is_dir():
             raise InputError(f"'{file}': there is no folder {file.resolve().parent}")

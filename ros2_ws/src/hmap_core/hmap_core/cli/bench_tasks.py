@@ -1,4 +1,4 @@
-"""``hmap bench tasks``: how often the tasks are solved, and how fast, over many seeds."""
+"""``hmap bench tasks``: success rates and times of the tasks over many seeds."""
 
 import argparse
 import json
@@ -14,10 +14,11 @@ from hmap_core.exceptions import InputError
 
 HELP = "plan tasks with many seeds, let the judge check the plans, execute them, and say how many are solved"
 SEEDS = 10
-TOLD = 160  # characters of a reason in the line of a trial
+TOLD = 160  # largest number of characters of a reason in the line of a trial
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the measurement."""
     parser.add_argument("--tasks", nargs="+", default=[], metavar="TASK", help="names or task files (all of the set)")
     parser.add_argument("--published", action="store_true", help="the tasks with the published geometry")
     parser.add_argument("--seeds", type=count, default=SEEDS, metavar="N", help=f"how many for each task ({SEEDS})")
@@ -35,11 +36,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run the trials and report them; exit code 0 if all were solved."""
     if arguments.json:
         check_writable(arguments.json)
     if arguments.out:
         _make_folder(arguments.out)
-    from hmap_core.evaluation import summary, trials  # slow to import, and not needed to refuse a path
+    from hmap_core.evaluation import summary, trials  # slow to import, and not needed to reject a path
 
     wanted = [
         Trial(task, seed, arguments.time_limit, arguments.replans)
@@ -54,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         arguments.json.write_text(document, encoding="utf-8")
     if arguments.out:
-        from hmap_core.evaluation.figure import draw  # slow to import, and seldom needed
+        from hmap_core.evaluation.figure import draw  # slow to import, and rarely needed
 
         (arguments.out / "tasks.json").write_text(document, encoding="utf-8")
         (arguments.out / "tasks.md").write_text("\n".join(summary.markdown(results)) + "\n", encoding="utf-8")
@@ -70,7 +72,7 @@ def _make_folder(path: Path) -> None:
 
 
 class _Progress:
-    """A line on standard error for every trial that has ended."""
+    """Prints one line to standard error for every finished trial."""
 
     def __init__(self, total: int):
         self._began, self._total, self._done = time.monotonic(), total, 0

@@ -1,4 +1,4 @@
-"""``hmap check FILE``: let the judge say whether a plan is valid."""
+"""``hmap check FILE``: the judge decides whether a plan is valid."""
 
 import argparse
 import json
@@ -12,13 +12,15 @@ HELP = "say whether a plan file holds a valid plan, and if not, what is wrong wi
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("file", type=Path, metavar="FILE", help="a plan file")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Judge a plan file; exit code 0 if the plan is valid."""
     document = read(arguments.file)
-    from hmap_core.validation import check  # slow to import, and not needed to refuse a file
+    from hmap_core.validation import check  # slow to import, and not needed to reject a file
 
     if sys.stderr.isatty():
         print(f"checking {arguments.file} ...", file=sys.stderr)
@@ -31,10 +33,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def read(path: Path) -> dict[str, Any]:
-    """The JSON object in a file.
+    """Read the JSON object in a file.
 
     Raises:
-        InputError: INVALID_PLAN_FILE; there is none.
+        InputError: INVALID_PLAN_FILE; the file cannot be read, or contains no JSON object.
     """
     try:
         document = json.loads(path.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""Finds the sub-command, reads the arguments, and turns errors into one line and an exit code."""
+"""Finds the sub-command, parses the arguments, and turns errors into one line and an exit code."""
 
 import argparse
 import os
@@ -11,19 +11,26 @@ from types import ModuleType
 
 from hmap_core.exceptions import HmapError, InputError
 
-ENTRY_POINTS = "hmap.commands"  # group in which other packages name modules with HELP, add_arguments and run
+ENTRY_POINTS = "hmap.commands"  # group of other packages' modules with HELP, add_arguments and run
 BUILT_IN = {name: f"hmap_core.cli.{name}" for name in ("tasks", "plan", "check", "execute", "bench")}
 YES, NO, BAD_INPUT = 0, 1, 2  # exit codes
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run ``hmap`` with the given arguments, by default those of the process; the exit code."""
+    """Run ``hmap``.
+
+    Args:
+        argv: arguments; default: those of the process.
+
+    Returns:
+        The exit code.
+    """
     arguments = _parse(sys.argv[1:] if argv is None else list(argv))
     try:
         code = arguments.module.run(arguments)
         sys.stdout.flush()
         return code
-    except BrokenPipeError:  # the reader of the results has gone, as with `hmap tasks | head -1`
+    except BrokenPipeError:  # the reader of the results has ended, as with `hmap tasks | head -1`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return NO
     except KeyboardInterrupt:
@@ -33,8 +40,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except HmapError as error:
         return _fail(error, NO, arguments.debug)
     except Exception as error:
-        hint = "" if arguments.debug else " (--debug shows where)"
-        return _fail(f"[internal/INTERNAL] {type(error).__name__}: {error}{hint}", NO, arguments.debug)
+        advice = "" if arguments.debug else " (--debug shows where)"
+        return _fail(f"[internal/INTERNAL] {type(error).__name__}: {error}{advice}", NO, arguments.debug)
 
 
 def _fail(problem: object, code: int, debug: bool) -> int:
@@ -51,7 +58,7 @@ def _parse(argv: list[str]) -> argparse.Namespace:
         "hmap", description="Plans and executes manipulation: the object first, then hands."
     )
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
-    # only the chosen command is imported, so that each starts quickly
+    # only the chosen command is imported, so that it starts fast
     for name in [chosen] if chosen in modules else sorted(modules):
         module = import_module(modules[name])
         command = commands.add_parser(name, help=module.HELP, description=module.HELP)
@@ -66,12 +73,17 @@ def _module_names() -> dict[str, str]:
 
 
 def seed_argument(parser: argparse.ArgumentParser) -> None:
-    """The option ``--seed``, the same in every command."""
+    """Add the option ``--seed``, the same in every command."""
     parser.add_argument("--seed", type=natural, default=0, metavar="S", help="of the randomisation, 0 or larger (0)")
 
 
 def natural(text: str) -> int:
-    """An integer, 0 or larger."""
+    """Parse an integer that is at least 0.
+
+    Raises:
+        ArgumentTypeError: it is negative.
+        ValueError: it is no integer.
+    """
     value = int(text)
     if value < 0:
         raise argparse.ArgumentTypeError(f"{text} is negative; 0 or larger is allowed")
@@ -79,7 +91,12 @@ def natural(text: str) -> int:
 
 
 def count(text: str) -> int:
-    """An integer, 1 or larger."""
+    """Parse an integer that is at least 1.
+
+    Raises:
+        ArgumentTypeError: it is less than 1.
+        ValueError: it is no integer.
+    """
     value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"{text} is not 1 or larger")
@@ -87,7 +104,12 @@ def count(text: str) -> int:
 
 
 def positive(text: str) -> float:
-    """A finite number above 0."""
+    """Parse a finite number above 0.
+
+    Raises:
+        ArgumentTypeError: it is not finite or not above 0.
+        ValueError: it is no number.
+    """
     value = float(text)
     if not 0.0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"{text} is not a finite number above 0")
@@ -95,7 +117,12 @@ def positive(text: str) -> float:
 
 
 def zero_or_more(text: str) -> float:
-    """A finite number, 0 or larger."""
+    """Parse a finite number that is at least 0.
+
+    Raises:
+        ArgumentTypeError: it is negative or not finite.
+        ValueError: it is no number.
+    """
     value = float(text)
     if not 0.0 <= value < float("inf"):
         raise argparse.ArgumentTypeError(f"{text} is not a finite number, 0 or larger")

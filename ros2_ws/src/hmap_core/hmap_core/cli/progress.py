@@ -1,17 +1,21 @@
-"""Live progress on standard error: one rewritten line on a terminal, else a line for each change."""
+"""Live progress on standard error: one updated line on a terminal, otherwise one line for each change."""
 
 import sys
 import threading
 import time
 from typing import TextIO
 
-MIN_PERIOD = 0.1  # s between two redraws on a terminal
-LINE_PERIOD = 1.0  # s between two lines of the same phase where there is no terminal
+MIN_PERIOD = 0.1  # s between two updates on a terminal
+LINE_PERIOD = 1.0  # s between two lines of the same phase without a terminal
 MAX_WIDTH = 110  # characters
 
 
 class ProgressLine:
-    """Says what is being done. Used as a context; leaves a terminal clean."""
+    """Shows the current activity. It is a context manager that clears its line on a terminal at the end.
+
+    Args:
+        stream: where to write; default: standard error.
+    """
 
     def __init__(self, stream: TextIO | None = None):
         self._stream = stream or sys.stderr
@@ -29,7 +33,7 @@ class ProgressLine:
             self._stream.flush()
 
     def show(self, phase: str, text: str = "") -> None:
-        """Show a phase and what happens in it; what changes too fast to read is left out."""
+        """Show a phase and its current step; updates that are too fast to read are dropped."""
         with self._lock:
             now = time.monotonic()
             line = f"{phase}: {text}" if text else phase
@@ -42,7 +46,15 @@ class ProgressLine:
             self._stream.flush()
 
     def planning(self, phase: str, waypoint: int, waypoints: int, attempt: int, text: str = "") -> None:
-        """Show where Algorithm 1 is: waypoint i of I, try j."""
+        """Show the state of Algorithm 1.
+
+        Args:
+            phase: name of the phase.
+            waypoint: number of the current waypoint, from 1.
+            waypoints: number of waypoints; 0: not known yet.
+            attempt: number of the contact that is tried, from 1; 0: none yet.
+            text: further text.
+        """
         parts = [f"waypoint {waypoint} of {waypoints}"] if waypoints else []
         parts += [f"try {attempt}"] if attempt else []
         parts += [text] if text else []
