@@ -84,7 +84,6 @@ NOT_CONVERTED = {
     "ros2_ws/src/hmap_core/hmap_core/benchmark/rai_side.py",
     "ros2_ws/src/hmap_core/hmap_core/benchmark/sampling.py",
     "ros2_ws/src/hmap_core/hmap_core/benchmark/scaling.py",
-    "ros2_ws/src/hmap_core/hmap_core/cli/main.py",
     "ros2_ws/src/hmap_core/hmap_core/contacts/feasibility.py",
     "ros2_ws/src/hmap_core/hmap_core/contacts/hand_reach.py",
     "ros2_ws/src/hmap_core/hmap_core/execution/attached_tool.py",

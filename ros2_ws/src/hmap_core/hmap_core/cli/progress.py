@@ -11,7 +11,7 @@ MAX_WIDTH = 110  # characters
 
 
 class ProgressLine:
-    """Shows the current activity. It is a context manager that clears its line on a terminal at the end.
+    """Shows the current phase. It is a context manager that clears its line on a terminal at the end.
 
     Args:
         stream: where to write; default: standard error.
