@@ -96,6 +96,23 @@ def read(path: Path) -> Document:
     return _parse(path, _read_text(path))
 
 
+def read_key(path: Path, key: str) -> Any:
+    """The value of one key at the top level of a YAML file; None where it is missing.
+
+    Only the key's own lines are parsed, as the parser takes long for a whole file. They must not refer to other lines
+    by an alias.
+
+    Raises:
+        InputError: INVALID_SCENE when the file cannot be read, or these lines are not valid.
+    """
+    text = _read_text(path)
+    own = re.search(rf"^{re.escape(key)}:.*(?:\n(?:[ \t].*)?)*", text, re.MULTILINE)
+    if own is None:
+        return None
+    lines_before = "\n" * text.count("\n", 0, own.start())  # so that an error names the right line
+    return _parse(path, lines_before + own.group()).data[key]
+
+
 @lru_cache(maxsize=64)
 def _parse(path: Path, text: str) -> Document:
     """Parses a file. Results are cached, since the parser is slow and scenes name the same files several times."""

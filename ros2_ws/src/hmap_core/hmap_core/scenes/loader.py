@@ -13,27 +13,11 @@ from hmap_core.scenes.fields import did_you_mean
 from hmap_core.scenes.parameters import draw
 from hmap_core.scenes.robots import load_robot_model
 from hmap_core.scenes.schema import CameraEntry, GoalEntry, RobotEntry, TaskFile
+from hmap_core.scenes.tasks import list_tasks
 from hmap_core.scenes.validate import validate
 from hmap_core.types import DEFAULT_EXECUTION_TOLERANCE, Body, BodyKind, Camera, Goal, Robot, Scene
 
 MIN_VIEW_ANGLE = np.deg2rad(0.1)  # smallest angle between a camera's viewing direction and its up direction
-
-
-def list_tasks(unsolvable: bool = True) -> list[str]:
-    """Names of the tasks that come with hmap, such as ``tunnel`` and ``published/tunnel``.
-
-    Args:
-        unsolvable: include tasks without a solution, which exist for their error messages.
-
-    Returns:
-        The names, sorted.
-    """
-    folder = resources.package_path("hmap_scenes") / "tasks"
-    return sorted(
-        path.relative_to(folder).with_suffix("").as_posix()
-        for path in folder.rglob("*.yaml")
-        if unsolvable or not read(path).data.get("unsolvable", False)
-    )
 
 
 def load_scene(task: str | Path, seed: int | None = None) -> Scene:
