@@ -24,7 +24,6 @@ setup(
         "pydantic",
         "ruamel.yaml",
         "scipy",
-        "toppra",
         "trimesh",
     ],
     extras_require={"bench": ["robotic==0.4.2"], "dask": ["dask[distributed]"]},
