@@ -36,7 +36,7 @@ def picture(world, scene, time: float) -> Picture:
     return Picture(camera, time, image.depth, image.mask, names, intrinsics(camera))
 
 
-def test_what_the_scene_has_is_no_stranger(world, scene):
+def test_a_body_of_the_scene_is_not_detected_as_new(world, scene):
     detected_objects = DetectedObjects(scene)
     assert not detected_objects.look(picture(world, scene, 0.0))
     assert not detected_objects.bodies

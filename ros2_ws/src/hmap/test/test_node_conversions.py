@@ -141,7 +141,7 @@ def test_contact(scene, contact):
     assert equal(phases.contact_from_message(scene, phases.contact_to_message(contact, "bar")), contact)
 
 
-def test_contact_without_its_postures_is_refused(scene, contact):
+def test_contact_without_its_configurations_is_refused(scene, contact):
     message = phases.contact_to_message(contact, "bar")
     message.keyframes = message.keyframes[:7]
     with pytest.raises(ConversionError, match="reach"):

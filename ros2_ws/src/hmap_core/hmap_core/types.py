@@ -342,10 +342,10 @@ class JointTrajectory:
 
     Attributes:
         names: n joint names, in any order.
-        times: (N,) s from the start, increasing, the first >= 0. Where it is above 0 the joints go from where they are
-            told to be to the first point.
+        times: (N,) s from the start, increasing, the first >= 0. If it is above 0, the joints first move from their
+            commanded positions to the first point.
         positions: (N, n) rad.
-        velocities: (N, n) rad/s, for cubic interpolation; None for straight lines between the points.
+        velocities: (N, n) rad/s, for cubic interpolation; None for linear interpolation.
     """
 
     names: tuple[str, ...]

@@ -6,7 +6,7 @@ from pathlib import Path
 ARM_JOINTS = ("pan", "lift", "elbow", "wrist1", "wrist2", "wrist3")
 OPEN_ANGLE, BAR = 0.6, 0.06  # rad from the approach, m: the bars of the four-bar gripper when open
 CLOSED = 0.7  # rad that its knuckles turn until the fingers meet
-PIVOT = (0.012, 0.05)  # m: y and z of a knuckle's axis in the hand
+PIVOT = (0.012, 0.05)  # m: y and z of a knuckle's axis, hand frame
 FINGER = (0.018, 0.012, 0.05)  # m, box
 SLIDE_START = 0.0027  # m that a sliding finger's joint is at when the gripper is closed
 

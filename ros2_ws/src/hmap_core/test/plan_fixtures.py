@@ -128,7 +128,7 @@ def drag_plan(scene: Scene, body: str, width: float, by, lift: float = 0.0, offs
 
 
 def tool_push_plan(goal: Goal) -> Plan:
-    """Grasp a stick, push a box 8 cm with it, draw back with the stick still in the hand."""
+    """Grasp a stick, push a box 8 cm with it, retreat with the stick still attached."""
     stick = box("stick", (0.3, 0.04, 0.04), (0.35, -0.1, 0.02), BodyKind.TOOL, mass=0.15)
     target = box("box", (0.06, 0.06, 0.06), (0.45, 0.0, 0.03))
     w = Writer(scene(target, stick, goal=goal))

@@ -135,7 +135,7 @@ def test_pair_distance_is_exact_within_its_cutoff_and_a_bound_beyond():
     assert beyond > 0
 
 
-def test_pairs_carry_names_margins_and_phases():
+def test_pairs_carry_names_minimum_distances_and_phases():
     scene = CollisionModel()
     a = scene.add("robot/link", np.zeros((1, 3)), 0.1, 1)
     b = scene.add_set("wall", single((np.eye(3), 0.0)), 0)

@@ -33,7 +33,7 @@ def grasp(x: float, opening: float = 0.04) -> ContactPoint:
         (grasp(0.07), True),
         (grasp(0.04), False),  # a finger would close into the knob
         (grasp(0.03), False),
-        (grasp(0.0, 0.045), False),  # the fingers would hang in the air
+        (grasp(0.0, 0.045), False),  # the fingers would not touch the object
         (grasp(0.0, 0.036), False),  # they would be inside of the bar
     ],
 )

@@ -22,7 +22,7 @@ STICK = Shape(ShapeKind.BOX, (0.40, 0.04, 0.04))
 T_HOLD = from_rpy((0.12, 0.0, 0.0), (np.pi, 0.0, 0.0))  # of the hand, from above, in the stick's frame
 HELD = AttachedBody("stick", (STICK,), inverse(T_HOLD), 0.04, 0.5, np.array([0.0, 0.0, 1.0]))
 CORNERS = np.array([[x, y, z] for x in (-0.2, 0.2) for y in (-0.02, 0.02) for z in (-0.02, 0.02)])
-HOLDING = Hand(apply(inverse(T_HOLD), CORNERS), None, HELD)
+WITH_TOOL = Hand(apply(inverse(T_HOLD), CORNERS), None, HELD)
 T_BRICK = pose((0.5, 0.1, 0.03), yaw(0.3))
 
 
@@ -35,7 +35,7 @@ def contacts_with_stick(mode, T_next):
     situation = Situation(T_BRICK, T_next)
     return [
         c
-        for b in sample_contacts(BRICK, cloud_of(BRICK), HOLDING, mode, situation, np.random.default_rng(1))
+        for b in sample_contacts(BRICK, cloud_of(BRICK), WITH_TOOL, mode, situation, np.random.default_rng(1))
         for c in b
     ]
 
@@ -95,11 +95,11 @@ def test_a_push_serves_up_to_the_corner_of_the_path():
     legs = [T_BRICK, there, multiply(there, pose((0, 0.1, 0)))]
     path = np.concatenate([interpolate(a, b, np.linspace(0, 1, 11))[:-1] for a, b in zip(legs, legs[1:], strict=False)])
     contacts = contacts_with_stick(TaskMode.PHYSICAL, path[1])
-    reach = push_reach(BRICK, HOLDING, contacts, path)
+    reach = push_reach(BRICK, WITH_TOOL, contacts, path)
     assert (reach == 10).sum() > 0.5 * len(contacts)
     assert reach.max() == 10
     lifted = np.concatenate([path[:5], path[5:] + [0, 0, 0.05, 0, 0, 0, 0]])
-    assert push_reach(BRICK, HOLDING, contacts, lifted).max() == 4
+    assert push_reach(BRICK, WITH_TOOL, contacts, lifted).max() == 4
 
 
 def test_grasps_serve_as_far_as_the_path_goes():

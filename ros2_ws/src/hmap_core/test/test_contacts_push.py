@@ -22,7 +22,7 @@ STICK = Shape(ShapeKind.BOX, (0.40, 0.06, 0.06))
 T_HOLD = from_rpy((0.12, 0.0, 0.0), (np.pi, 0.0, 0.0))  # of the hand, from above, in the stick's frame
 HELD = AttachedBody("stick", (STICK,), inverse(T_HOLD), 0.06, 0.5, np.array([0.0, 0.0, 1.0]))
 CORNERS = np.array([[x, y, z] for x in (-0.2, 0.2) for y in (-0.03, 0.03) for z in (-0.03, 0.03)])
-HOLDING = Hand(apply(inverse(T_HOLD), CORNERS), None, HELD)
+WITH_TOOL = Hand(apply(inverse(T_HOLD), CORNERS), None, HELD)
 T_CRATE = pose((0.5, 0.1, 0.03), yaw(0.3))
 AHEAD = multiply(T_CRATE, pose((0.01, 0, 0)))
 OCTAGON = Body(
@@ -50,7 +50,7 @@ def test_a_stick_as_wide_as_the_object_can_follow_it_into_a_narrow_channel():
         beside, below = np.abs(corners[:, 1]).max() - 0.03, -0.03 - corners[:, 2].min()
         return beside < 1e-6 and below <= -ATTACHED_CLEARANCE + 1e-6
 
-    contacts = pushes_of(CRATE, HOLDING)
+    contacts = pushes_of(CRATE, WITH_TOOL)
     assert sum(fits(c) for c in contacts) >= 20
 
 

@@ -85,7 +85,7 @@ def test_what_is_beyond_a_limit_is_brought_back(world):
     assert clean.gripper["left"] == robot.model.gripper.open_opening
 
 
-def test_fixed_bodies_are_where_the_scene_has_them_and_strangers_do_not_count(world):
+def test_fixed_bodies_are_where_the_scene_has_them_and_unknown_bodies_do_not_count(world):
     measured = world.start_state()
     measured.poses["wall"] = measured.poses["wall"] + np.r_[1e-5, np.zeros(6)]
     measured.poses["detected object"] = pose()

@@ -46,7 +46,7 @@ def test_the_end_effector_comes_to_a_pose(walled, T, seed):
     judged(walled, made)
 
 
-def test_the_robot_comes_to_a_posture_within_its_limits(walled):
+def test_the_robot_comes_to_a_configuration_within_its_limits(walled):
     goal = plan_motion(walled, "left", T_world_ee=LEFT, seed=1).trajectory.joints["left"][-1]
     made = plan_motion(walled, "left", q=goal, seed=2)
     q, dt = made.trajectory.joints["left"], made.trajectory.time[1]
@@ -63,11 +63,11 @@ def test_the_same_seed_gives_the_same_motion(walled):
 def test_a_goal_nearer_to_something_than_is_kept_on_the_way_is_reached():
     """The fingertips end 1 mm over the block."""
     above = box("block", (0.05, 0.05, 0.1), BLOCK[:3])
-    open_air = scene(above, goal=Goal("block", BLOCK))
-    lowest = load_arm(open_air.robots["left"].model).finger_vertices(0.08)[:, 2].max()
+    open_scene = scene(above, goal=Goal("block", BLOCK))
+    lowest = load_arm(open_scene.robots["left"].model).finger_vertices(0.08)[:, 2].max()
     near = plan_motion(scene(), "left", T_world_ee=pose((0.6, 0.0, 0.101 + lowest), DOWN)).trajectory
-    made = plan_motion(open_air, "left", q=near.joints["left"][-1])
-    judged(open_air, made)
+    made = plan_motion(open_scene, "left", q=near.joints["left"][-1])
+    judged(open_scene, made)
 
 
 def test_limits_that_were_rounded_count_as_limits(walled):

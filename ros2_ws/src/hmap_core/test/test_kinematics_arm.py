@@ -170,7 +170,7 @@ def test_frames_of_a_model_are_the_product_of_its_transforms(names):
 
 
 @pytest.mark.parametrize("name", ARMS)
-def test_no_posture_reaches_beyond_the_span_and_some_come_near_it(name):
+def test_no_configuration_reaches_beyond_the_span_and_some_come_near_it(name):
     robot = arm(name)
     configurations = np.random.default_rng(6).uniform(*robot.model.position_limits, (4000, robot.n))
     reached = max(np.linalg.norm(robot.frames(q)[1][-1] - robot.p_joint[0]) for q in configurations)

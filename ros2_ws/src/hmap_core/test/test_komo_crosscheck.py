@@ -55,7 +55,7 @@ SPHERE, MIN_DISTANCE, BALL = (
     0.05,
     0.01,
     0.02,
-)  # m: radius of the obstacle, what is kept from it, radius of the ball in the hand
+)  # m: radius of the obstacle, minimum distance from it, radius of the attached ball
 BESIDE = np.array(
     [0.04, 0.0, 0.02]
 )  # m: how far an obstacle is off the straight line, so that one way round is shorter

@@ -165,7 +165,7 @@ def test_a_box_is_handed_over(tmp_path):
     assert found < PENETRATION, who
 
 
-def test_a_stick_in_the_hand_pushes_a_box(tmp_path):
+def test_an_attached_stick_pushes_a_box(tmp_path):
     stick, box = (0.04, 0.35, 0.04), (0.1, 0.1, 0.1)
     world = scene(tmp_path, [], [("box", box, (0.55, 0.3, 0.05))], tools=[("stick", stick, (0.45, -0.15, 0.02))])
     held = contact(ContactKind.GRASP, DOWN, (1, 0, 0), (0, -0.1, 0.01), 0.04)
@@ -295,7 +295,7 @@ def test_phases_become_steps(workspace):
     }  # fmt: skip
 
 
-def test_an_object_in_the_hand_from_the_start_needs_no_contact(workspace):
+def test_an_object_attached_from_the_start_needs_no_contact(workspace):
     state = workspace.scene.start_state()
     T_world_ee = workspace.T_world_ee("left")
     state.poses["brick"] = multiply(T_world_ee, inverse(grasp().T_obj_ee))
@@ -367,7 +367,7 @@ def test_shapes_may_be_replaced(workspace):
     small = replace(whole, vertices=0.5 * whole.vertices, center=0.5 * whole.center, bound=0.5 * whole.bound)
     other = Workspace(workspace.scene, robots=["left"], shapes={"brick": small})
     skeleton = Skeleton(pick_and_place("left", GOAL, grasp()))
-    # half as large it hangs in the air where it is taken
+    # half as large it has no support where it is picked
     assert min_distances(SkeletonProblem(skeleton, other, 4), "brick", "table") == {1: [HELD_CLEARANCE]}
 
 

@@ -111,7 +111,7 @@ class Lagrangian:
         scene = with_links(world, (0.5 * np.ones(3), random_pose(rng, 0.4)), (0.3 * np.ones(3), random_pose(rng, 0.4)),
                            min_distance=0.05)  # fmt: skip
         links = [s for s, f in enumerate(scene.frames) if f]
-        ball = scene.add("ball in the hand", np.zeros((1, 3)), 0.15, tip)
+        ball = scene.add("attached ball", np.zeros((1, 3)), 0.15, tip)
         scene.keep_apart(links[:4], [ball], 0.02, 0b10)  # both move
         self.problem = KomoProblem(world.chain, PHASES, scene, SolverOptions(substeps=3, velocity=0.1))
         add = self.problem.add
@@ -482,7 +482,7 @@ def test_relaxed_lets_a_start_be_where_it_is():
     np.testing.assert_array_equal(relaxed(world.chain, cols, start, 1).min_distance, cols.min_distance)
 
 
-def test_verification_uses_up_most_of_a_margin_and_never_half_a_millimetre_less():
+def test_verification_allows_most_of_a_minimum_distance_and_never_half_a_millimetre_less():
     scene = CollisionModel()
     shape = scene.add("a", np.zeros((1, 3)), 0.1, 0)
     for min_distance in (0.003, 0.0003, 0.0, -0.0003):

@@ -40,7 +40,7 @@ def test_what_the_hand_would_be_in_is_named():
     assert "with the hand in 'roof'" not in counts(why())
 
 
-def test_an_object_that_hangs_in_the_air_does_not_stand_there():
+def test_an_object_without_support_does_not_stand_there():
     assert why(at=pose((0.5, 0.0, 0.3))).startswith("it does not stand there by itself; of ")
 
 

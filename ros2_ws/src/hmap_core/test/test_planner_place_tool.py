@@ -1,4 +1,4 @@
-"""A tool that is in a hand when a plan is given up is put back where it was taken."""
+"""A tool that is attached when a plan is given up is placed where it was picked."""
 
 import numpy as np
 import pytest

@@ -218,14 +218,14 @@ def test_what_is_held_is_pressed_along_the_closing_axis_however_the_hand_turns_a
     with SimulatedWorld(scene(stick)) as world:
         robot = world.robot("left")
 
-        def in_hand():
+        def T_ee_body():
             return transforms.multiply(transforms.inverse(robot.end_effector_pose()), world.body_pose("stick"))
 
         robot.place(HOME, 0.0201)
         world.move_body("stick", transforms.multiply(robot.end_effector_pose(), transforms.pose((0.0, 0.0, 0.04))))
         robot.set_gripper(0.0, 40.0)
         run(world, 0.5)
-        before, duration, way = in_hand(), 3.0, np.array([1.2, 0.2, 0.0, 0.3, 0.0, 1.0, 1.5])
+        before, duration, way = T_ee_body(), 3.0, np.array([1.2, 0.2, 0.0, 0.3, 0.0, 1.0, 1.5])
         for t in np.arange(0.0, duration, world.dt):
             phase, rate = np.pi * t / duration, np.pi / duration
             speed = 0.5 * rate * np.sin(phase)
@@ -233,7 +233,7 @@ def test_what_is_held_is_pressed_along_the_closing_axis_however_the_hand_turns_a
             world.step()
         closing = transforms.rotation_matrix(robot.end_effector_pose())[:, 1]
         pressing = [contact.normal @ closing for contact in world.contacts("stick") if contact.force > 0.0]
-        distance, angle = transforms.distance(before, in_hand())
+        distance, angle = transforms.distance(before, T_ee_body())
     assert np.abs(pressing).min() >= np.cos(RENEWAL + np.deg2rad(1.0))
     assert distance < 0.001 and angle < np.deg2rad(1.0)
 

@@ -77,7 +77,7 @@ def test_ignored_collisions_are_honoured(urdf):
     plan["robots"]["gantry"]["base_pose"][2] = 0.0
     assert plans.kinds(check(plan)) == {"penetration"}
     plan["robots"]["gantry"]["ignored_collisions"] = [["base", link] for link in ("hand", "left", "right")]
-    assert plans.kinds(check(plan)) == {"penetration"}  # the cube in the hand still hits the post
+    assert plans.kinds(check(plan)) == {"penetration"}  # the attached cube still hits the post
     assert {v.bodies for v in check(plan).violations} == {("gantry/base", "cube")}
 
 

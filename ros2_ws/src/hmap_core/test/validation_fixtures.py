@@ -191,7 +191,7 @@ def carry(urdf: str, extra=(), others: dict | None = None) -> dict:
 
 
 def touch(urdf: str) -> dict:
-    """A valid kinematic plan: closed fingertips on top of the cube carry it through the air and put it down."""
+    """A valid kinematic plan: closed fingertips on top of the cube carry and place it."""
     bodies = [table(), box("cube", (SIDE,) * 3, (0.0, 0.0, SIDE / 2))]
     on_top = SIDE + TIP
     board = Storyboard((0.0, 0.0, ABOVE), 0.0, bodies)

@@ -73,7 +73,7 @@ def _deepest(body: Body, others: Iterable[Body]) -> float:
 
 @pytest.mark.parametrize("task", TASKS)
 def test_nothing_overlaps_at_the_start_or_the_goal(task: str) -> None:
-    """But for bodies that may be put away, which may stand where the object has to go."""
+    """Except for removable bodies, which may stand at the goal of the object."""
     for seed in SEEDS:
         scene = load_scene(task, seed)
         bodies = scene.bodies.values()
@@ -86,7 +86,7 @@ def test_nothing_overlaps_at_the_start_or_the_goal(task: str) -> None:
 
 @pytest.mark.parametrize("task", TASKS)
 def test_the_objects_rest_on_something(task: str) -> None:
-    """At the start, at the goal, and where bodies are put aside."""
+    """At the start, at the goal, and at the removal poses."""
     scene = load_scene(task, seed=1)
     places = [(body.name, body.pose) for body in _movable(scene)]
     places += [(name, pose) for name, pose in scene.removable.items() if pose is not None]
@@ -99,7 +99,7 @@ def test_the_objects_rest_on_something(task: str) -> None:
         assert abs(touching) <= TOUCHING, name
 
 
-# goals that the paper put into the air
+# goals of the paper without support
 FLOATING = ("published/bookshelf_unchanged",)
 
 
@@ -139,7 +139,7 @@ def test_executable_tasks_differ_from_seed_to_seed(task: str) -> None:
 
 @pytest.mark.parametrize("task", [name for name in TASKS if not name.startswith("published/")])
 def test_what_is_gripped_fits_the_hand(task: str) -> None:
-    """Every tool, and all that may have to be put away, is narrow enough somewhere, and not too narrow for the pads."""
+    """Every tool and every removable body has a part that fits between the pads and is wide enough for them."""
     scene = load_scene(task, seed=0)
     for name in (*scene.removable, *(b.name for b in scene.bodies.values() if b.kind is BodyKind.TOOL)):
         widths = [min(shape.size) for shape in scene.bodies[name].shapes if shape.kind is ShapeKind.BOX]
