@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hmap_core.benchmark.instances import MotionInstance, Ride, Target, box, scene_of
+from hmap_core.benchmark.instances import Attachment, MotionInstance, Target, box, scene_of
 from hmap_core.benchmark.judge import judge, quaternions
 from hmap_core.benchmark.problems.common import panda, table
 from hmap_core.benchmark.sampling import end_effector
@@ -20,13 +20,13 @@ OPENING = 0.04
 SWING = np.array([2.7, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # rad, about the upright axis: nothing changes its height
 
 
-def instance(*bodies, rides=(), between=None, **others) -> MotionInstance:
-    """A Panda that swings by SWING and carries along what rides on it."""
+def instance(*bodies, attachments=(), between=None, **others) -> MotionInstance:
+    """A Panda that swings by SWING and carries along what attachments on it."""
     robot = panda()
     scene = scene_of("swing", 0, [table(), *bodies], [robot], Goal("table", pose()))
     end = between if between is not None else robot.q + SWING
     target = Target(robot.name, 0, end_effector(robot, end))
-    return MotionInstance(scene, {robot.name: OPENING}, (STEPS,), (target,), tuple(rides), **others)
+    return MotionInstance(scene, {robot.name: OPENING}, (STEPS,), (target,), tuple(attachments), **others)
 
 
 def swing(task: MotionInstance, to: np.ndarray = SWING) -> np.ndarray:
@@ -34,10 +34,10 @@ def swing(task: MotionInstance, to: np.ndarray = SWING) -> np.ndarray:
 
 
 def in_hand(size=(0.03, 0.03, 0.03)):
-    """A small box between the open fingers, and how it rides."""
+    """A small box between the open fingers, and how it attachments."""
     T = end_effector(panda(), panda().q)
     body = box("box", size, pose(T[:3], T[3:]), BodyKind.MOVABLE)
-    return body, Ride("panda", "box", 0, multiply(inverse(body.pose), T))
+    return body, Attachment("panda", "box", 0, multiply(inverse(body.pose), T))
 
 
 def wall(angle: float):
@@ -49,8 +49,8 @@ def wall(angle: float):
 
 
 def test_a_right_path_is_accepted():
-    body, ride = in_hand()
-    for task in (instance(), instance(body, rides=[ride]), instance(wall(-0.8))):
+    body, attachment = in_hand()
+    for task in (instance(), instance(body, attachments=[attachment]), instance(wall(-0.8))):
         assert judge(task, swing(task)) == []
 
 
@@ -104,21 +104,21 @@ def test_the_arm_itself():
 
 
 def test_what_is_carried_hits_what_the_arm_does_not():
-    body, ride = in_hand((0.03, 0.03, 0.3))
+    body, attachment = in_hand((0.03, 0.03, 0.3))
     T = end_effector(panda(), panda().q + SWING / 2)
     post = box("post", (0.02, 0.02, 0.1), pose(T[:3] - [0.0, 0.0, 0.13]))
     assert judge(instance(post), swing(instance(post))) == []
-    found = judge(instance(body, post, rides=[ride]), swing(instance(post)))
+    found = judge(instance(body, post, attachments=[attachment]), swing(instance(post)))
     assert [text for text in found if "box and post" in text or "post and box" in text]
 
 
 def test_leaving_the_support():
-    body, ride = in_hand()
-    on_table = replace(ride, support="table")
-    level = instance(body, rides=[on_table])
+    body, attachment = in_hand()
+    on_table = replace(attachment, support="table")
+    level = instance(body, attachments=[on_table])
     assert judge(level, swing(level)) == []
     up = np.array([0.0, -0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
-    task = instance(body, rides=[on_table], between=panda().q + up)
+    task = instance(body, attachments=[on_table], between=panda().q + up)
     assert any("box leaves table" in text for text in judge(task, swing(task, up)))
 
 

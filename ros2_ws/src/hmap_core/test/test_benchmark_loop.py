@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hmap_core.benchmark.loop import HMAP, MARGINS, judge_loop
+from hmap_core.benchmark.loop import HMAP, MIN_DISTANCES, judge_loop
 from hmap_core.benchmark.problems.puck import DISC, OBSTACLE, puck_loop
 from hmap_core.benchmark.problems.tunnel_push import APPROACH, tunnel_push
-from hmap_core.benchmark.sampling import straight_is_free
+from hmap_core.benchmark.sampling import straight_push_is_free
 from hmap_core.transforms import pose
 
 ALL_FAIL_ON_THE_SHORTEST_WAY = 4  # seed: an obstacle that is higher than the hand is long
@@ -31,7 +31,7 @@ def test_every_second_object_path_leaves_the_hand_room():
     instance = puck_loop(ALL_FAIL_ON_THE_SHORTEST_WAY)
     middle = instance.scene.bodies[OBSTACLE].pose[:2]
     near, far = (np.linalg.norm(HMAP.object_path(instance, k)[:, :2] - middle, axis=1).min() for k in (0, 1))
-    assert far > near + (MARGINS[1] - MARGINS[0]) / 2.0
+    assert far > near + (MIN_DISTANCES[1] - MIN_DISTANCES[0]) / 2.0
 
 
 def test_the_judge_sees_the_end_and_the_turned_quaternion(solved):
@@ -48,9 +48,9 @@ def test_the_judge_sees_the_end_and_the_turned_quaternion(solved):
 
 def test_a_straight_way_is_proved_free_or_it_is_not():
     instance = tunnel_push(0)
-    ride, goal = instance.rides[0], instance.scene.goal.pose
+    attachment, goal = instance.attachments[0], instance.scene.goal.pose
     scene = instance.scene
     rng = np.random.default_rng(0)
-    assert straight_is_free(scene, 0.0, ride, goal, APPROACH, rng, SAFE)
+    assert straight_push_is_free(scene, 0.0, attachment, goal, APPROACH, rng, SAFE)
     beyond = goal + pose((1.5, 0.0, 0.0)) - pose()
-    assert not straight_is_free(scene, 0.0, ride, beyond, APPROACH, rng, SAFE)
+    assert not straight_push_is_free(scene, 0.0, attachment, beyond, APPROACH, rng, SAFE)

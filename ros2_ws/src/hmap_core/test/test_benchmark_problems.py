@@ -7,7 +7,7 @@ from hmap_core.benchmark.instances import MotionInstance
 from hmap_core.benchmark.judge import judge
 from hmap_core.benchmark.problems.common import panda
 from hmap_core.benchmark.registry import PROBLEMS
-from hmap_core.benchmark.sampling import end_effector, postures_at
+from hmap_core.benchmark.sampling import configurations_at, end_effector
 
 MOTIONS = {name: p for name, p in PROBLEMS.items() if isinstance(p.instance(0), MotionInstance)}
 MANY = 1000  # instances over all problems
@@ -34,7 +34,7 @@ def test_starts_are_free_and_solutions_are_not_given_away(name):
 def test_postures_are_where_they_should_be():
     robot, rng = panda(), np.random.default_rng(1)
     T = end_effector(robot, np.array([0.4, 0.2, -0.3, -1.9, 0.2, 2.0, 0.5]))
-    found = postures_at(robot, T, rng)
+    found = configurations_at(robot, T, rng)
     assert len(found) > 3
     for q in found:
         assert np.allclose(end_effector(robot, q)[:3], T[:3], atol=1e-5)

@@ -1,1 +1,1 @@
-"""What is measured, on which problems, and against which peer. ``docs/benchmarks.md`` says what the numbers mean."""
+"""Benchmarks against RAI: problems, solvers, judge and measurement. ``docs/benchmarks.md`` explains the numbers."""

@@ -1,4 +1,4 @@
-"""Our side: a motion instance as a skeleton of hmap, written and solved as a user would."""
+"""hmap's side: a motion instance as a skeleton, built and solved as a user would."""
 
 from dataclasses import replace
 
@@ -16,18 +16,18 @@ from hmap_core.types import Body
 
 
 def prepare(instance: MotionInstance) -> Workspace:
-    """The part that is outside of the clock: what does not change between two queries in a scene."""
+    """Build the workspace, which does not change between two queries in a scene; not timed."""
     state = replace(instance.scene.start_state(), gripper=dict(instance.opening))
     shapes = {}
     if instance.rounding > 0.0:
         shapes = {name: rounded(body, instance.rounding) for name, body in instance.scene.bodies.items()}
     workspace = Workspace(instance.scene, state, shapes=shapes)
-    _problem(instance, workspace)  # the arms among the bodies that stand are packed once
+    _problem(instance, workspace)  # packs the arms among the fixed bodies once
     return workspace
 
 
 def rounded(body: Body, radius: float) -> ConvexSet:
-    """The boxes of a body with edges rounded by a radius (m): the corners moved in, and swept by a ball."""
+    """The boxes of a body with edges rounded by a radius (m): inset corners, swept by a sphere."""
     inset = []
     for shape, (vertices, _) in zip(body.shapes, map(hull_vertices, body.shapes), strict=True):
         corners = apply(inverse(shape.pose), vertices)
@@ -36,16 +36,16 @@ def rounded(body: Body, radius: float) -> ConvexSet:
 
 
 def skeleton(instance: MotionInstance) -> Skeleton:
-    """Contacts, modes and targets of an instance."""
+    """The contacts, modes and targets of an instance."""
     entries = []
-    for ride in instance.rides:
-        hand = ride.robot, ride.object
+    for attachment in instance.attachments:
+        hand = attachment.robot, attachment.object
         entries += [
-            SkeletonEntry(ride.first, ride.first, Symbol.TOUCH, hand, ride.T_obj_ee),
-            SkeletonEntry(ride.first, -1, Symbol.STABLE, hand),
+            SkeletonEntry(attachment.first, attachment.first, Symbol.TOUCH, hand, attachment.T_obj_ee),
+            SkeletonEntry(attachment.first, -1, Symbol.STABLE, hand),
         ]
-        if ride.support is not None:
-            entries.append(SkeletonEntry(ride.first, -1, Symbol.ABOVE, (ride.object, ride.support)))
+        if attachment.support is not None:
+            entries.append(SkeletonEntry(attachment.first, -1, Symbol.ABOVE, (attachment.object, attachment.support)))
     for target in instance.targets:
         time = target.phase + 1.0 - target.before / instance.steps_per_phase[target.phase]
         entries += [_target(instance, target, time)]
@@ -53,15 +53,15 @@ def skeleton(instance: MotionInstance) -> Skeleton:
 
 
 def _target(instance: MotionInstance, target, time: float) -> SkeletonEntry | None:
-    """What a target asks: of the hand, of what rides on it, or, where hand and object meet, nothing more."""
-    for ride in instance.rides:
-        if ride.robot == target.robot and time == ride.first:
+    """The entry of a target, for the hand or its attached object; None at the contact, which has its own entry."""
+    for attachment in instance.attachments:
+        if attachment.robot == target.robot and time == attachment.first:
             return None
-        if ride.robot == target.robot and time > ride.first:
-            goal = multiply(target.T_world_ee, inverse(ride.T_obj_ee))
-            return SkeletonEntry(time, time, Symbol.POSE_EQ, (ride.object,), goal)
+        if attachment.robot == target.robot and time > attachment.first:
+            goal = multiply(target.T_world_ee, inverse(attachment.T_obj_ee))
+            return SkeletonEntry(time, time, Symbol.POSE_EQ, (attachment.object,), goal)
     for robot, body in instance.touching:
-        if robot == target.robot and not instance.rides:
+        if robot == target.robot and not instance.attachments:
             contact = multiply(inverse(instance.scene.bodies[body].pose), target.T_world_ee)
             return SkeletonEntry(time, time, Symbol.TOUCH, (robot, body), contact)
     return SkeletonEntry(time, time, Symbol.POSE_EQ, (target.robot,), target.T_world_ee)
@@ -73,7 +73,7 @@ def _problem(instance: MotionInstance, workspace: Workspace) -> SkeletonProblem:
 
 
 def solve(instance: MotionInstance, workspace: Workspace) -> Answer:
-    """The part inside of the clock: the problem from its skeleton, and its solution."""
+    """Build the problem from its skeleton and solve it; timed."""
     problem = _problem(instance, workspace)
     if not instance.path:
         return _configuration(instance, problem)
@@ -83,7 +83,7 @@ def solve(instance: MotionInstance, workspace: Workspace) -> Answer:
 
 
 def _configuration(instance: MotionInstance, problem: SkeletonProblem) -> Answer:
-    """From the start, then from random configurations, until one is found."""
+    """Solve from the start, then from random configurations, until one is found."""
     chain, start = problem.chain, instance.start
     params = np.concatenate([o.feature.params for o in problem.objectives])
     q = solve_ik(problem, params, start[None])

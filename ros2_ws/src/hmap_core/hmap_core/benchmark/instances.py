@@ -1,4 +1,4 @@
-"""Motion problems as data: who moves, what rides on whom, and where everybody has to be at the end of each phase."""
+"""Motion problems as data: robots, attached objects, and target poses at the end of each phase."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ from hmap_core.types import Body, BodyKind, Goal, Robot, Scene, Shape, ShapeKind
 
 @dataclass(frozen=True)
 class Target:
-    """The end-effector of a robot is at T_world_ee (7,) at the end of a phase, or some steps before it."""
+    """The end-effector of a robot has to be at T_world_ee (7,) at the end of a phase, or ``before`` steps earlier."""
 
     robot: str
     phase: int
@@ -19,12 +19,16 @@ class Target:
 
 
 @dataclass(frozen=True)
-class Ride:
-    """An object rides rigidly on a robot's end-effector from the beginning of phase ``first`` to the end.
+class Attachment:
+    """An object is rigidly attached to a robot's end-effector from the start of phase ``first`` to the end.
 
     Attributes:
-        T_obj_ee: (7,) the contact: the end-effector seen from the object at the mode switch.
-        support: body on which the object stays, upright and at its height, while it rides; None: it may be lifted.
+        robot: name of the robot.
+        object: name of the body.
+        first: the phase that starts with the mode switch.
+        T_obj_ee: (7,) the contact: the end-effector's pose in the object's frame at the mode switch.
+        support: body on which the object stays, upright and at its height, while it is attached; None: it can be
+            lifted.
     """
 
     robot: str
@@ -39,23 +43,25 @@ class MotionInstance:
     """One seeded instance of a motion problem.
 
     Attributes:
-        scene: robots (which stand at their start configurations ``q``) and bodies. All robots are variables, in the
-            order of ``scene.robots``.
-        opening: gripper opening (m) of each robot, the same over the whole motion.
-        steps_per_phase: steps of each phase, without the start.
-        touching: (robot, body) whose fingers may touch it.
-        restarts: how many further starts a solver may try.
-        path: whether the way counts. If not, this is one configuration (one step), and only that configuration is
+        scene: robots, at their start configurations ``q``, and bodies. All robots are variables, in the order of
+            ``scene.robots``.
+        opening: gripper opening (m) of each robot, constant during the motion.
+        steps_per_phase: number of steps of each phase, without the start.
+        targets: required end-effector poses.
+        attachments: objects that robots carry.
+        touching: (robot, body) pairs that can be in contact: the robot's fingers and the body.
+        restarts: number of further starts that a solver can try.
+        path: whether the motion is judged. Otherwise the instance is one configuration (one step), and only that is
             judged.
-        rounding: radius (m) by which the edges of all boxes are rounded, inside of their sizes.
-        seed: of whatever the solvers draw.
+        rounding: radius (m) by which the edges of all boxes are rounded, within their sizes.
+        seed: for the solvers' random numbers.
     """
 
     scene: Scene
     opening: dict[str, float]
     steps_per_phase: tuple[int, ...]
     targets: tuple[Target, ...]
-    rides: tuple[Ride, ...] = ()
+    attachments: tuple[Attachment, ...] = ()
     touching: tuple[tuple[str, str], ...] = ()
     restarts: int = 0
     path: bool = True
@@ -64,7 +70,7 @@ class MotionInstance:
 
     @property
     def steps(self) -> int:
-        """Steps over all phases."""
+        """Number of steps of all phases."""
         return sum(self.steps_per_phase)
 
     @property
@@ -73,7 +79,7 @@ class MotionInstance:
         return np.concatenate([robot.q for robot in self.scene.robots.values()])
 
     def last(self, phase: int) -> int:
-        """Row, in a path (T + 1, n) with the start, of the end of a phase; -1 gives the start."""
+        """Row of a phase's end in a path (T + 1, n) that includes the start; -1 gives the start."""
         return sum(self.steps_per_phase[: phase + 1])
 
     def columns(self, robot: str) -> slice:
@@ -86,11 +92,11 @@ class MotionInstance:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a solver says.
+    """The result of a solver.
 
     Attributes:
-        claimed: whether it calls its result feasible.
-        path: (T + 1, n) with the start as the first row; None where there is nothing.
+        claimed: whether the solver reports its result as feasible.
+        path: (T + 1, n) with the start as the first row; None without a result.
     """
 
     claimed: bool

@@ -1,13 +1,13 @@
-"""Whether a path really solves a motion instance: no geometry, kinematics or tolerance is shared with the solvers.
+"""The judge of motion instances. It shares no geometry, kinematics or tolerances with the solvers.
 
-Between two steps every joint moves straight. Each interval is cut until no point of a robot, or of what it carries,
-moves more than ``MOTION_BOUND`` in one piece; the parts are compared there, and what bounds on their motion do not
-rule out in between is looked at as in :mod:`hmap_core.validation.collision`.
+Joints are linear between two steps. Each interval is subdivided until no point of a robot, or of its attached
+object, moves more than ``MOTION_BOUND`` in one part. Distances are measured at the ends of the parts; in between they
+are bounded, and measured if necessary, as in :mod:`hmap_core.validation.collision`.
 """
 
 import numpy as np
 
-from hmap_core.benchmark.instances import MotionInstance, Ride
+from hmap_core.benchmark.instances import Attachment, MotionInstance
 from hmap_core.benchmark.world import instance_world, nearest, pairs, robot_data
 from hmap_core.validation import arm, collision, rigid
 from hmap_core.validation.limits import LIMIT_RELATIVE, MOTION_BOUND, PENETRATION, START_JOINT
@@ -15,12 +15,20 @@ from hmap_core.validation.report import Findings
 
 TARGET_POSITION = 1e-3  # m
 TARGET_ROTATION = np.deg2rad(0.5)
-SUPPORT_HEIGHT = 1e-3  # m, that an object may leave its support
+SUPPORT_HEIGHT = 1e-3  # m; largest height of an object above its support
 SUPPORT_TILT = np.deg2rad(0.5)
 
 
 def judge(instance: MotionInstance, path: np.ndarray) -> list[str]:
-    """What is wrong with a path (T + 1, n), the start first, in words; nothing when it is a solution."""
+    """Judge a path.
+
+    Args:
+        instance: the problem.
+        path: (T + 1, n), with the start as the first row.
+
+    Returns:
+        The errors of the path, in words; empty if it solves the problem.
+    """
     path = np.asarray(path, float)
     shape = (instance.steps + 1, len(instance.start))
     if path.shape != shape or not np.isfinite(path).all():
@@ -81,30 +89,30 @@ def _configuration(instance: MotionInstance, q: np.ndarray) -> list[str]:
 
 
 def _phase(instance: MotionInstance, path: np.ndarray, phase: int) -> list[str]:
-    """What is wrong during one phase."""
-    rides = [ride for ride in instance.rides if ride.first <= phase]
+    """The errors during one phase."""
+    attachments = [attachment for attachment in instance.attachments if attachment.first <= phase]
     rows = path[instance.last(phase - 1) : instance.last(phase) + 1]
-    joints = _refined(instance, rows, rides)
-    switches = {ride.object: path[instance.last(ride.first - 1)][None] for ride in rides}
-    objects = {ride.object: _carried(instance, ride, switches[ride.object], joints) for ride in rides}
+    joints = _refined(instance, rows, attachments)
+    switches = {attachment.object: path[instance.last(attachment.first - 1)][None] for attachment in attachments}
+    objects = {a.object: _attached_poses(instance, a, switches[a.object], joints) for a in attachments}
     world = instance_world(instance, joints, objects)
-    resting = {frozenset((ride.object, ride.support)) for ride in rides}
+    resting = {frozenset((attachment.object, attachment.support)) for attachment in attachments}
     findings = Findings()
     among = [pair for pair in pairs(world) if np.any(pair.motion > 0.0) and frozenset(pair.names) not in resting]
     for pair in among:
-        pair.clearance = False  # only violations are wanted, not how far everything stays apart
+        pair.clearance = False  # only violations are needed, no minimum distances
     collision.check(world, among, findings)
     found = [
         f"{' and '.join(v.bodies)} overlap by {v.amount * 1e3:.2f} mm in phase {phase}" for v in findings.violations()
     ]
-    for ride in rides:
-        if ride.support is not None:
-            found += _off_support(instance, ride, objects[ride.object], phase)
+    for attachment in attachments:
+        if attachment.support is not None:
+            found += _off_support(instance, attachment, objects[attachment.object], phase)
     return found
 
 
-def _refined(instance: MotionInstance, rows: np.ndarray, rides: list[Ride]) -> np.ndarray:
-    """Configurations (N, n) on the straight lines between rows (M, n), so near that nothing moves far in between."""
+def _refined(instance: MotionInstance, rows: np.ndarray, attachments: list[Attachment]) -> np.ndarray:
+    """Configurations (N, n) on straight lines between rows (M, n), so close that points move less than MOTION_BOUND."""
     motion = np.zeros(len(rows) - 1)
     for name, robot in _arms(instance).items():
         joints = rows[:, instance.columns(name)]
@@ -113,7 +121,7 @@ def _refined(instance: MotionInstance, rows: np.ndarray, rides: list[Ride]) -> n
         shapes = {shape.link for shape in robot.tree.shapes}
         reach = max(
             [float(np.linalg.norm(s.solid.points @ s.R.T + s.p, axis=1).max()) for s in robot.tree.shapes]
-            + [_extent(instance, ride) for ride in rides if ride.robot == name]
+            + [_extent(instance, attachment) for attachment in attachments if attachment.robot == name]
         )
         links = sorted(shapes | {robot.data.end_effector_link})
         still = np.zeros(len(rows) - 1)
@@ -126,20 +134,22 @@ def _refined(instance: MotionInstance, rows: np.ndarray, rides: list[Ride]) -> n
     return np.concatenate([*parts, rows[-1:]])
 
 
-def _extent(instance: MotionInstance, ride: Ride) -> float:
-    """Distance (m) from the end-effector's link to the farthest point of what rides on it, at most."""
-    body = instance.scene.bodies[ride.object]
+def _extent(instance: MotionInstance, attachment: Attachment) -> float:
+    """Upper bound of the distance (m) from the end-effector's link to the attached object's farthest point."""
+    body = instance.scene.bodies[attachment.object]
     size = max(float(np.linalg.norm(s.size) + np.linalg.norm(s.pose[:3])) for s in body.shapes)
-    link = instance.scene.robots[ride.robot].model.T_link_ee
-    return size + float(np.linalg.norm(ride.T_obj_ee[:3])) + float(np.linalg.norm(link[:3]))
+    link = instance.scene.robots[attachment.robot].model.T_link_ee
+    return size + float(np.linalg.norm(attachment.T_obj_ee[:3])) + float(np.linalg.norm(link[:3]))
 
 
-def _carried(instance: MotionInstance, ride: Ride, switch: np.ndarray, joints: np.ndarray) -> np.ndarray:
-    """Poses (N, 7) of an object that hangs rigidly on the hand from the switch (1, n) on, with the robots at joints."""
-    robot = _arms(instance)[ride.robot]
-    columns = instance.columns(ride.robot)
+def _attached_poses(
+    instance: MotionInstance, attachment: Attachment, switch: np.ndarray, joints: np.ndarray
+) -> np.ndarray:
+    """Poses (N, 7) of an object attached since the configuration ``switch`` (1, n), with the robots at joints."""
+    robot = _arms(instance)[attachment.robot]
+    columns = instance.columns(attachment.robot)
     R0, p0 = _end_effector(robot, switch[:, columns])
-    pose = instance.scene.bodies[ride.object].pose
+    pose = instance.scene.bodies[attachment.object].pose
     R_held, p_held = rigid.relative(R0, p0, rigid.matrices(pose[None, 3:]), pose[None, :3])
     R, p = _end_effector(robot, joints[:, columns])
     return np.concatenate([p + R @ p_held[0], quaternions(R @ R_held[0])], axis=1)
@@ -163,13 +173,14 @@ def quaternions(R: np.ndarray) -> np.ndarray:
     return q
 
 
-def _off_support(instance: MotionInstance, ride: Ride, poses: np.ndarray, phase: int) -> list[str]:
-    start = instance.scene.bodies[ride.object].pose
+def _off_support(instance: MotionInstance, attachment: Attachment, poses: np.ndarray, phase: int) -> list[str]:
+    start = instance.scene.bodies[attachment.object].pose
     lifted = float(np.abs(poses[:, 2] - start[2]).max())
     up, up0 = rigid.matrices(poses[:, 3:])[:, 2], rigid.matrices(start[3:])[2]
     tilted = float(np.arcsin(np.minimum(1.0, np.linalg.norm(np.cross(up, up0), axis=1))).max())
     if lifted <= SUPPORT_HEIGHT and tilted <= SUPPORT_TILT:
         return []
     return [
-        f"{ride.object} leaves {ride.support} by {lifted * 1e3:.2f} mm, {np.rad2deg(tilted):.2f} deg in phase {phase}"
+        f"{attachment.object} leaves {attachment.support} by {lifted * 1e3:.2f} mm, {np.rad2deg(tilted):.2f} deg "
+        f"in phase {phase}"
     ]

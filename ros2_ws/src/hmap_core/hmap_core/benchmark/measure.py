@@ -1,4 +1,4 @@
-"""Both sides on the same instances, one after the other, in processor time of one thread."""
+"""Measurement of both solvers on the same instances, one after the other, in CPU time of one thread."""
 
 import os
 import time
@@ -10,18 +10,18 @@ import numpy as np
 from hmap_core.benchmark.registry import Problem, Side
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-WARM_UP_SEED = 10**6  # of an instance that is solved before the clock runs: imports, caches
-HIGH = 0.9  # the quantile that is reported beside the median
+WARM_UP_SEED = 10**6  # of an instance that is solved before the measurement: imports, caches
+HIGH = 0.9  # the quantile reported in addition to the median
 
 
 @dataclass
 class Tally:
-    """What one side did.
+    """The results of one solver.
 
     Attributes:
-        milliseconds: processor time of each instance.
-        verified: claims that the judge confirms.
-        false_accepts: claims that it does not, as (seed, what is wrong).
+        milliseconds: CPU time of each instance.
+        verified: number of results reported as feasible that the judge confirms.
+        false_accepts: results reported as feasible that the judge rejects, as (seed, errors).
     """
 
     milliseconds: list[float] = field(default_factory=list)
@@ -30,9 +30,11 @@ class Tally:
 
     @property
     def median(self) -> float:
+        """Median CPU time, ms."""
         return float(np.median(self.milliseconds))
 
     def to_dict(self) -> dict:
+        """Plain data for JSON."""
         return {
             "median_ms": self.median,
             "p90_ms": float(np.quantile(self.milliseconds, HIGH)),
@@ -43,7 +45,7 @@ class Tally:
 
 @dataclass
 class Result:
-    """Both tallies of a problem over n instances."""
+    """The results of both solvers for a problem with n instances."""
 
     n: int
     hmap: Tally = field(default_factory=Tally)
@@ -51,21 +53,28 @@ class Result:
 
     @property
     def ratio(self) -> float:
-        """How many times the median of RAI is ours."""
+        """RAI's median time relative to hmap's."""
         return self.rai.median / self.hmap.median
 
     def to_dict(self) -> dict:
+        """Plain data for JSON."""
         return {"n": self.n, "hmap": self.hmap.to_dict(), "rai": self.rai.to_dict(), "ratio": self.ratio}
 
 
 def one_thread() -> None:
-    """Numerical libraries that are loaded from now on use one thread."""
+    """Make numerical libraries that are loaded later use one thread."""
     for name in THREADS:
         os.environ[name] = "1"
 
 
 def run(problem: Problem, n: int, progress: Callable[[int], None] = lambda k: None) -> Result:
-    """Instances 0 .. n - 1 of a problem by both sides."""
+    """Solve the instances 0 .. n - 1 of a problem with both solvers.
+
+    Args:
+        problem: the problem.
+        n: number of instances.
+        progress: called with the number of finished instances.
+    """
     result = Result(n)
     sides = ((problem.hmap, result.hmap), (problem.rai, result.rai))
     warm = problem.instance(WARM_UP_SEED)
@@ -80,7 +89,7 @@ def run(problem: Problem, n: int, progress: Callable[[int], None] = lambda k: No
 
 
 def solve(problem: Problem, side: Side, tally: Tally, instance, seed: int) -> None:
-    """One instance by one side, measured and judged."""
+    """Solve one instance with one solver, measure and judge it, and add the result to the tally."""
     prepared = side.prepare(instance)
     before = time.process_time()
     answer = side.solve(instance, prepared)

@@ -1,4 +1,4 @@
-"""The problems by name. A new one is an entry here: seeded instances, who solves them, and who judges."""
+"""The problems by name. A new problem is an entry here: seeded instances, two solvers, and a judge."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ from hmap_core.exceptions import InputError
 
 @dataclass(frozen=True)
 class Side:
-    """One of the two that are compared.
+    """One of the two compared solvers.
 
     Attributes:
-        prepare: (instance) -> whatever ``solve`` wants; outside of the clock.
-        solve: (instance, prepared) -> Answer; inside of it.
+        prepare: (instance) -> the argument ``prepared`` of ``solve``; not timed.
+        solve: (instance, prepared) -> Answer; timed.
     """
 
     prepare: Callable[[Any], Any]
@@ -32,8 +32,9 @@ class Problem:
 
     Attributes:
         instance: seed -> instance.
-        hmap, rai: the two sides.
-        judge: (instance, path) -> what is wrong with the path, in words.
+        hmap: hmap's side.
+        rai: RAI's side.
+        judge: (instance, path) -> the errors of the path, in words.
     """
 
     instance: Callable[[int], Any]
@@ -43,13 +44,13 @@ class Problem:
 
 
 def motion(instance: Callable[[int], Any]) -> Problem:
-    """A problem whose instances are motion instances."""
+    """A problem with motion instances."""
     ours, theirs = Side(hmap_side.prepare, hmap_side.solve), Side(rai_side.prepare, rai_side.solve)
     return Problem(instance, ours, theirs, judge)
 
 
 def object_path_problem(instance: Callable[[int], Any]) -> Problem:
-    """A problem whose instances are ways of an object alone."""
+    """A problem of the path of an object without a robot."""
     ours, theirs = Side(rrt.prepare_hmap, rrt.solve_hmap), Side(rrt.prepare_rai, rrt.solve_rai)
     return Problem(instance, ours, theirs, rrt.judge)
 
@@ -75,10 +76,10 @@ PROBLEMS: dict[str, Problem] = {
 
 
 def find(names: list[str]) -> dict[str, Problem]:
-    """The problems of these names; all, when none is given.
+    """The problems with these names; all problems for an empty list.
 
     Raises:
-        InputError: there is no such problem.
+        InputError: a problem does not exist.
     """
     for name in names:
         if name not in PROBLEMS:

@@ -1,4 +1,4 @@
-"""The results as a table, as JSON, and as a picture."""
+"""The results as a table, as JSON, and as a plot."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ COLUMNS = ("median", "p90", "verified", "false")
 
 
 def to_dict(results: dict[str, Result]) -> dict:
-    """The document that ``hmap bench komo --json`` writes; times in milliseconds of processor time."""
+    """The document that ``hmap bench komo --json`` writes; CPU times in milliseconds."""
     return {"problems": {name: result.to_dict() for name, result in results.items()}}
 
 
@@ -22,7 +22,7 @@ def heading() -> list[str]:
 
 
 def row(name: str, result: Result) -> str:
-    """One line of the table: times in ms, counts, and how many times the median of RAI is ours."""
+    """One line of the table: times in ms, counts, and RAI's median relative to hmap's."""
     return f"{name:<20}{result.n:>4}  {_cells(result.hmap)}  {_cells(result.rai)}{result.ratio:>8.1f}"
 
 
@@ -33,7 +33,7 @@ def _cells(tally: Tally) -> str:
 
 
 def plot(results: dict[str, Result], file: Path) -> None:
-    """Draws all times, problem by problem, on a logarithmic axis."""
+    """Plot all times by problem, on a logarithmic axis, into a file."""
     import matplotlib
 
     matplotlib.use("agg")

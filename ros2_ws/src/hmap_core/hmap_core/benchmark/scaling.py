@@ -1,7 +1,7 @@
-"""How the time of a KOMO grows: with its steps, with the obstacles in the scene, with the joints that move.
+"""How the time of a KOMO problem grows with its steps, with the obstacles in the scene, and with the number of joints.
 
-Arms stand in a row and each goes from its home to a random pose in front of it, among boxes that float. One number is
-varied at a time; the others keep their standard values, and the seeds are the same for all values of it.
+Arms stand in a row. Each moves from its home configuration to a random pose in front of it, among floating boxes. One
+number is varied at a time, and the others keep their standard values. The seeds are the same for all values.
 """
 
 import time
@@ -15,7 +15,7 @@ import numpy as np
 from hmap_core.benchmark import hmap_side
 from hmap_core.benchmark.instances import MotionInstance, Target, box, scene_of
 from hmap_core.benchmark.problems.common import SAFE, TABLE, sampled, table, yaw_quaternion
-from hmap_core.benchmark.sampling import end_effector, random_posture
+from hmap_core.benchmark.sampling import end_effector, random_configuration
 from hmap_core.benchmark.world import clearance, motion_world, nearest, pairs
 from hmap_core.scenes import load_robot_model
 from hmap_core.transforms import pose
@@ -24,22 +24,22 @@ from hmap_core.types import Body, Goal, Robot
 STEPS = (10, 20, 40, 80, 160)
 OBSTACLES = (0, 5, 10, 20, 40)
 ARMS = (("iiwa",), ("panda",), ("panda", "iiwa"), ("panda", "panda"), ("panda", "panda", "panda"))
-# what is kept while another number is varied
+# values while another number is varied
 STANDARD_STEPS, STANDARD_OBSTACLES, STANDARD_ARMS = 20, 10, ("panda",)
 INSTANCES = 15
-APART = 1.2  # m between two bases
-REACH = ((0.25, -0.4, 0.15), (0.7, 0.4, 0.8))  # m, from its base: where an arm's end-effector goes
-SPREAD = ((0.2, -0.6, 0.1), (0.9, 0.6, 1.0))  # m, from an arm's base: where boxes float
+BASE_SPACING = 1.2  # m between two bases
+REACH = ((0.25, -0.4, 0.15), (0.7, 0.4, 0.8))  # m; region of an arm's end-effector goal, from its base
+BOX_REGION = ((0.2, -0.6, 0.1), (0.9, 0.6, 1.0))  # m; region of the boxes, from an arm's base
 BOX_SIZE = ((0.04, 0.04, 0.04), (0.12, 0.12, 0.2))  # m
 OPENING = 0.04  # m, of grippers
-DRAWS = 400  # configurations drawn before an attempt is given up
-BOXES = 80  # drawn; those too near to the arms are left out
+DRAWS = 400  # configurations drawn before the sample is rejected
+BOXES = 80  # drawn; those too near to the arms are dropped
 WARM_UP_SEED = 10**6
-HEADROOM = 1.15  # of the drawn axes
+HEADROOM = 1.15  # of the plot's axes
 
 
 def instance(seed: int, steps: int, obstacles: int, arms: tuple[str, ...]) -> MotionInstance:
-    """One motion; fewer obstacles are the first of many, and more steps change nothing else."""
+    """One motion: with fewer obstacles it has only the first ones; the number of steps changes nothing else."""
     full = _full_instance(seed, arms)
     bodies = dict(list(full.scene.bodies.items())[: 1 + obstacles])  # the table is the first
     return replace(full, scene=replace(full.scene, bodies=bodies), steps_per_phase=(steps,))
@@ -48,10 +48,10 @@ def instance(seed: int, steps: int, obstacles: int, arms: tuple[str, ...]) -> Mo
 @cache
 def _full_instance(seed: int, arms: tuple[str, ...]) -> MotionInstance:
     """The motion among all obstacles, in one step."""
-    return sampled(lambda seed, rng: _attempt(seed, rng, arms), "scaling", seed)
+    return sampled(lambda seed, rng: _sample_instance(seed, rng, arms), "scaling", seed)
 
 
-def _attempt(seed: int, rng: np.random.Generator, arms: tuple[str, ...]) -> MotionInstance | None:
+def _sample_instance(seed: int, rng: np.random.Generator, arms: tuple[str, ...]) -> MotionInstance | None:
     robots = [_arm(k, name) for k, name in enumerate(arms)]
     opening = {r.name: 0.0 if r.model.gripper is None else OPENING for r in robots}
     home = {r.name: r.q for r in robots}
@@ -62,7 +62,7 @@ def _attempt(seed: int, rng: np.random.Generator, arms: tuple[str, ...]) -> Moti
     if min(clearance(on_table, opening, q, SAFE) for q in (home, goals)) < SAFE:
         return None
     boxes = [_box(k, robots[rng.integers(len(robots))], rng) for k in range(BOXES)]
-    boxes = _apart(boxes, robots, opening, (home, goals))[: max(OBSTACLES)]
+    boxes = _far_from_robots(boxes, robots, opening, (home, goals))[: max(OBSTACLES)]
     if len(boxes) < max(OBSTACLES):
         return None
     scene = scene_of("scaling", seed, [table(), *boxes], robots, Goal(TABLE, pose()))
@@ -72,14 +72,14 @@ def _attempt(seed: int, rng: np.random.Generator, arms: tuple[str, ...]) -> Moti
 
 def _arm(k: int, name: str) -> Robot:
     model = load_robot_model(name)
-    return Robot(f"{name}_{k}", model, pose((0.0, APART * k, 0.0)), model.home)
+    return Robot(f"{name}_{k}", model, pose((0.0, BASE_SPACING * k, 0.0)), model.home)
 
 
 def _reaching(robot: Robot, rng: np.random.Generator) -> np.ndarray | None:
-    """A configuration (n,) whose end-effector is in front of the robot."""
+    """A configuration (n,) with the end-effector in front of the robot, or None."""
     low, high = REACH
     for _ in range(DRAWS):
-        q = random_posture(robot, rng)
+        q = random_configuration(robot, rng)
         place = end_effector(robot, q)[:3] - robot.base_pose[:3]
         if np.all(low < place) and np.all(place < high):
             return q
@@ -87,12 +87,12 @@ def _reaching(robot: Robot, rng: np.random.Generator) -> np.ndarray | None:
 
 
 def _box(k: int, robot: Robot, rng: np.random.Generator) -> Body:
-    place = robot.base_pose[:3] + rng.uniform(*SPREAD)
+    place = robot.base_pose[:3] + rng.uniform(*BOX_REGION)
     return box(f"box_{k}", rng.uniform(*BOX_SIZE), pose(place, yaw_quaternion(rng.uniform(-np.pi, np.pi))))
 
 
-def _apart(bodies: list[Body], robots, opening, configurations) -> list[Body]:
-    """The bodies that robots in each of the configurations keep SAFE from."""
+def _far_from_robots(bodies: list[Body], robots, opening, configurations) -> list[Body]:
+    """The bodies that the robots in each of the configurations keep SAFE away from."""
     scene = scene_of("scaling", 0, bodies, robots, Goal(bodies[0].name, bodies[0].pose))
     near = set()
     for q in configurations:
@@ -102,11 +102,15 @@ def _apart(bodies: list[Body], robots, opening, configurations) -> list[Body]:
 
 
 def run(instances: int = INSTANCES, progress: Callable[[str], None] = lambda text: None) -> dict:
-    """Solves everything.
+    """Solve all instances.
+
+    Args:
+        instances: number of seeds.
+        progress: called with a text for each seed.
 
     Returns:
-        For "steps", "obstacles" and "joints": ``values``, ``labels``, ``median_ms`` of processor time and ``claimed``,
-        the number of instances with a feasible result, one each per value; and ``instances``, how many there were.
+        For "steps", "obstacles" and "joints": ``values``, ``labels``, ``median_ms`` of CPU time and ``claimed``, the
+        number of instances with a result reported as feasible, one each per value; and ``instances``, their number.
     """
     standard = {"steps": STANDARD_STEPS, "obstacles": STANDARD_OBSTACLES, "arms": STANDARD_ARMS}
     axes = {"steps": ("steps", STEPS), "obstacles": ("obstacles", OBSTACLES), "joints": ("arms", ARMS)}
@@ -117,7 +121,7 @@ def run(instances: int = INSTANCES, progress: Callable[[str], None] = lambda tex
         for (
             name,
             setting,
-        ) in settings.items():  # all settings in turn, so that other work on the machine hits them alike
+        ) in settings.items():  # all settings in turn, so that other load on the machine affects them alike
             results[name].append(_measure(seed, setting))
     data: dict = {"instances": instances}
     for axis, (key, values) in axes.items():
@@ -136,7 +140,7 @@ def _joints(arms: tuple[str, ...]) -> int:
 
 
 def _measure(seed: int, setting: dict) -> tuple[float, bool]:
-    """Processor time in ms of one instance, and whether its result is feasible."""
+    """CPU time in ms of one instance, and whether its result is reported as feasible."""
     problem = instance(seed, **setting)
     prepared = hmap_side.prepare(problem)
     before = time.process_time()
@@ -145,13 +149,13 @@ def _measure(seed: int, setting: dict) -> tuple[float, bool]:
 
 
 def linear_fit(data: dict) -> tuple[float, float]:
-    """Least-squares line through the times by steps: ms per step, ms at no steps."""
+    """Least-squares line through the times by steps: ms per step, ms at zero steps."""
     slope, offset = np.polyfit(data["steps"]["values"], data["steps"]["median_ms"], 1)
     return float(slope), float(offset)
 
 
 def draw(data: dict, file: Path) -> None:
-    """One picture of what :func:`run` returns: a panel for each number that is varied."""
+    """Plot the result of :func:`run`: one panel for each varied number."""
     import matplotlib
 
     matplotlib.use("agg")

@@ -1,4 +1,4 @@
-"""The world of a motion instance as the judge sees it: its own URDF reader, exact shapes, distances by coal."""
+"""The world of a motion instance for the judge: its own URDF reader, exact shapes, distances by coal."""
 
 from collections.abc import Collection, Mapping
 
@@ -15,7 +15,7 @@ from hmap_core.validation.world import Part, World
 
 
 def robot_data(robot: Robot) -> RobotData:
-    """A robot as the judge takes it."""
+    """A robot in the judge's data format."""
     model, gripper = robot.model, robot.model.gripper
     k = len(gripper.joint_names) if gripper else 0
     return RobotData(
@@ -36,7 +36,7 @@ def _body_data(body: Body) -> BodyData:
 
 
 def _rounded_box(size: tuple[float, ...], radius: float) -> Solid:
-    """A box of these full extents (m) whose edges are rounded: an inset box swept by a ball."""
+    """A box of these full extents (m) with rounded edges: an inset box swept by a sphere."""
     inset = tuple(s - 2.0 * radius for s in size)
     sharp = solid("box", inset)
     geometry = coal.Box(*inset)
@@ -46,7 +46,7 @@ def _rounded_box(size: tuple[float, ...], radius: float) -> Solid:
 
 
 class MotionWorld(World):
-    """Robots and bodies at N samples, rounded as the instance says."""
+    """Robots and bodies at N samples, with the instance's rounding."""
 
     def __init__(self, document: Document, rounding: float):
         self._rounding = rounding
@@ -76,8 +76,8 @@ def motion_world(
     Args:
         scene: robots and bodies.
         opening: of each robot's gripper, m.
-        joints: robot -> (N, n).
-        objects: body -> (N, 7), for those that move.
+        joints: robot -> (N, n), rad.
+        objects: body -> T_world_body (N, 7), for bodies that move.
         rounding: radius of the edges of boxes, m.
     """
     N = len(next(iter(joints.values())))
@@ -97,12 +97,12 @@ def motion_world(
 
 
 def pairs(world: World) -> list[Pair]:
-    """All pairs of parts that must not penetrate each other and move against each other, or might."""
+    """All pairs of parts that must not penetrate each other and can move relative to each other."""
     return PairBuilder(world, set()).build()
 
 
 def nearest(world: World, among: list[Pair], cutoff: float) -> float:
-    """Smallest signed distance (m) of the pairs at sample 0, or ``cutoff`` where none is below it."""
+    """Smallest signed distance (m) of the pairs at sample 0, at most ``cutoff``."""
     boxes = PartBoxes(world)
     gaps = boxes.gaps(*boxes.rows(among), np.zeros(len(among), int))
     for pair, gap in zip(among, gaps, strict=True):
@@ -118,9 +118,17 @@ def clearance(
     cutoff: float,
     touching: Collection[frozenset[str]] = (),
 ) -> float:
-    """Smallest distance (m) of anything to anything else with the robots at q (robot -> (n,)), up to ``cutoff``.
+    """Smallest distance between any two parts.
 
-    Pairs of names in ``touching`` do not count; links are called ``robot/link``.
+    Args:
+        scene: robots and bodies.
+        opening: of each robot's gripper, m.
+        q: robot -> configuration (n,).
+        cutoff: the largest result, m.
+        touching: pairs of names that are ignored; links are named ``robot/link``.
+
+    Returns:
+        The distance in m.
     """
     world = motion_world(scene, opening, {name: np.atleast_2d(value) for name, value in q.items()})
     return nearest(world, [pair for pair in pairs(world) if frozenset(pair.names) not in touching], cutoff)

@@ -1,1 +1,1 @@
-"""The problems, one file each: seeded instances, made without the solvers that are compared."""
+"""The problems of the benchmark: seeded instances."""

@@ -1,4 +1,4 @@
-"""A Panda over a table among boxes: a configuration for a 6-D end-effector pose, from home."""
+"""A Panda above a table among boxes: a configuration that reaches a 6-D end-effector pose, starting from home."""
 
 from collections.abc import Sequence
 
@@ -6,41 +6,41 @@ import numpy as np
 
 from hmap_core.benchmark.instances import MotionInstance, Target, box, scene_of
 from hmap_core.benchmark.problems.common import SAFE, TABLE, panda, sampled, table, yaw_quaternion
-from hmap_core.benchmark.sampling import end_effector, random_posture, surface_contact
+from hmap_core.benchmark.sampling import end_effector, random_configuration, surface_contact
 from hmap_core.benchmark.world import clearance
 from hmap_core.transforms import multiply, pose
 from hmap_core.types import Body, BodyKind, Goal, Robot
 
 BOXES = 10
-NEAR_BOXES = 5  # of them, round the hand
+NEAR_BOXES = 5  # of them, around the hand
 BOX_SIZE = (0.04, 0.25)  # m
 NEAR_OFFSET = 0.3  # m from the hand to the middle of a near box, along each axis
-REGION = ((-0.7, -0.7, 0.0), (0.7, 0.7, 0.8))  # m, where the others are
+REGION = ((-0.7, -0.7, 0.0), (0.7, 0.7, 0.8))  # m; region of the others
 BOX_ATTEMPTS = 60
 OPENING = 0.04  # m
-LEAST_HEIGHT = 0.05  # m of the end-effector over the table
+LEAST_HEIGHT = 0.05  # m; lowest height of the end-effector above the table
 RESTARTS = 20
 
 OBJECT = "object"
 OBJECT_SIZE = (0.05, 0.2)  # m
 OBJECT_DISTANCE = (0.35, 0.65)  # m from the robot
-OBJECT_HEIGHT = (0.0, 0.4)  # m of its bottom over the table
+OBJECT_HEIGHT = (0.0, 0.4)  # m; height of its bottom above the table
 
 
 def contact_ik(seed: int) -> MotionInstance:
-    """The pose is that of a random configuration which the judge finds free, so there is a solution."""
+    """The pose is that of a random configuration that the judge finds free, so a solution exists."""
     return sampled(_free_pose, "contact_ik", seed)
 
 
 def contact_ik_surface(seed: int) -> MotionInstance:
-    """The pose is a contact on a box in clutter, the hand along the inward normal; some cannot be reached."""
+    """The pose is a contact on a box in clutter, with the hand along the inward normal; some poses have no solution."""
     return sampled(_surface, "contact_ik_surface", seed)
 
 
 def clutter(
     robot: Robot, configurations: Sequence[np.ndarray], centre: np.ndarray, bodies: list[Body], rng
 ) -> list[Body]:
-    """Boxes at random poses, NEAR_BOXES of them round a point (3,), that leave the configurations (n,) free."""
+    """Boxes at random poses, NEAR_BOXES of them around a point (3,), that leave the configurations (n,) free."""
     boxes: list[Body] = []
     for _ in range(BOX_ATTEMPTS):
         if len(boxes) == BOXES:
@@ -70,7 +70,7 @@ def _instance(name: str, seed: int, robot: Robot, bodies: list[Body], T_world_ee
 
 def _free_pose(seed: int, rng: np.random.Generator) -> MotionInstance | None:
     robot = panda()
-    q = random_posture(robot, rng)
+    q = random_configuration(robot, rng)
     T = end_effector(robot, q)
     bare = scene_of("contact_ik", seed, [table()], [robot], Goal(TABLE, pose()))
     if T[2] < LEAST_HEIGHT or clearance(bare, {robot.name: OPENING}, {robot.name: q}, SAFE) < SAFE:

@@ -1,4 +1,6 @@
-"""A box alone finds its way: out of a U-shaped trap, into a tunnel, through a window. All obstacles are boxes."""
+"""The path of a box without a robot: out of a U-shaped trap, into a tunnel, through a window. All obstacles are
+boxes.
+"""
 
 import numpy as np
 
@@ -9,7 +11,7 @@ from hmap_core.types import BodyKind
 from hmap_core.waypoints import ObjectPathProblem
 
 OBJECT = "object"
-HEIGHT = 0.1  # m of what moves in the plane, and of its walls
+HEIGHT = 0.1  # m; height of the body in planar motion, and of its walls
 THICKNESS = 0.04  # m of walls
 # the trap
 BRICK = (0.2, 0.1, HEIGHT)
@@ -17,13 +19,13 @@ TRAP_WIDTH, TRAP_DEPTH = (0.36, 0.46), (0.35, 0.5)  # m, inside
 TRAP_BOUNDS = ((-1.0, -0.8), (0.8, 0.8))
 # the tunnel
 BAR = (0.3, 0.06, HEIGHT)
-TUNNEL_CLEARANCE = 0.005  # m a side
+TUNNEL_CLEARANCE = 0.005  # m on each side
 TUNNEL_LENGTH = (0.3, 0.5)  # m
 TUNNEL_BOUNDS = ((-1.0, -0.8), (1.0, 0.8))
 # the window
 STICK = (0.05, 0.4, 0.05)
 WINDOW_SIZE = (0.12, 0.16)  # m, square
-WALL = (1.0, 1.0)  # m, half its width, and its height
+WALL = (1.0, 1.0)  # m; half its width, and its height
 WINDOW_BOUNDS = ((-0.6, -0.8, 0.2), (0.6, 0.8, 0.8))
 
 
@@ -34,7 +36,7 @@ def se2(seed: int) -> ObjectPathProblem:
 
 
 def se3(seed: int) -> ObjectPathProblem:
-    """Through a window that is smaller than the stick is long; it starts and ends along the wall."""
+    """Through a window that is smaller than the stick's length; at start and goal the stick is parallel to the wall."""
     rng = np.random.default_rng([seed, *b"rrt_se3"])
     size, y, z = rng.uniform(*WINDOW_SIZE), rng.uniform(-0.2, 0.2), rng.uniform(0.4, 0.6)
     half, top = WALL

@@ -1,11 +1,11 @@
-"""A disc that a fingertip on its top carries over the table, round an obstacle in the middle of the way."""
+"""A fingertip on the top of a disc carries it over the table, around an obstacle on the straight line."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from hmap_core.benchmark.instances import MotionInstance, Ride, box, scene_of
-from hmap_core.benchmark.problems.common import SAFE, TABLE, carried, panda, sampled, table, yaw_quaternion
+from hmap_core.benchmark.instances import Attachment, MotionInstance, box, scene_of
+from hmap_core.benchmark.problems.common import SAFE, TABLE, panda, sampled, table, transfer_motion, yaw_quaternion
 from hmap_core.benchmark.sampling import contact_pose, ends_are_free, hand_axes
 from hmap_core.transforms import pose
 from hmap_core.types import Body, BodyKind, Goal, Scene, Shape, ShapeKind
@@ -13,27 +13,27 @@ from hmap_core.types import Body, BodyKind, Goal, Scene, Shape, ShapeKind
 DISC, OBSTACLE = "disc", "obstacle"
 STEPS = (20, 20)
 RADIUS, HEIGHT = (0.04, 0.06), (0.03, 0.05)  # m of the disc
-AHEAD = (0.4, 0.55)  # m of start and goal before the robot
+AHEAD = (0.4, 0.55)  # m; distance of start and goal in front of the robot
 ASIDE = (0.2, 0.3)  # m of start and goal to its sides
 OBSTACLE_SIZE = ((0.05, 0.05, 0.1), (0.12, 0.12, 0.25))  # m
-OFF = 0.02  # m of the obstacle from the middle of the straight way
+OFF = 0.02  # m; distance of the obstacle from the middle of the straight line
 TILT = np.deg2rad(30.0)  # of the hand from upright, at most
-AROUND = 0.5  # share of the radius within which the contact lies
+AROUND = 0.5  # share of the radius within which contacts lie
 APPROACH_STEPS = 3
 APPROACH = 0.04  # m
 
 
-CONTACTS = 20  # candidates of the loop
+CONTACTS = 20  # number of contacts of the loop
 
 
 @dataclass(frozen=True)
 class LoopInstance:
-    """A disc to be brought round an obstacle by as many contacts as it takes.
+    """A disc to be moved around an obstacle with any number of contacts.
 
     Attributes:
         scene: the robot, the table, the disc and the obstacle; its goal is the disc's.
-        contacts: candidates T_obj_ee (7,), in the order in which they are tried.
-        seed: of whatever the two sides draw.
+        contacts: T_obj_ee (7,), in the order in which they are tried.
+        seed: for the solvers' random numbers.
     """
 
     scene: Scene
@@ -42,7 +42,7 @@ class LoopInstance:
 
 
 def puck_loop(seed: int) -> LoopInstance:
-    """The scene of :func:`puck_komo`, with candidates for contacts in place of a contact."""
+    """The scene of :func:`puck_komo`, with many contacts instead of one."""
     scene = puck_komo(seed).scene
     rng = np.random.default_rng([seed, *b"contacts"])
     robot = scene.robots["panda"]
@@ -50,7 +50,8 @@ def puck_loop(seed: int) -> LoopInstance:
 
 
 def puck_komo(seed: int) -> MotionInstance:
-    return sampled(_attempt, "puck_komo", seed)
+    """The disc is carried by one given contact."""
+    return sampled(_sample_instance, "puck_komo", seed)
 
 
 def top_contact(robot, body: Body, rng: np.random.Generator) -> np.ndarray:
@@ -63,7 +64,7 @@ def top_contact(robot, body: Body, rng: np.random.Generator) -> np.ndarray:
     return contact_pose(robot, point, np.array([0.0, 0.0, 1.0]), hand_axes(z, rng.uniform(-np.pi, np.pi)))
 
 
-def _attempt(seed: int, rng: np.random.Generator) -> MotionInstance | None:
+def _sample_instance(seed: int, rng: np.random.Generator) -> MotionInstance | None:
     robot = panda()
     radius, height = rng.uniform(*RADIUS), rng.uniform(*HEIGHT)
     side = rng.choice((-1.0, 1.0))
@@ -73,7 +74,7 @@ def _attempt(seed: int, rng: np.random.Generator) -> MotionInstance | None:
     middle = (start[:2] + goal[:2]) / 2.0 + rng.uniform(-OFF, OFF, 2)
     obstacle = box(OBSTACLE, size, pose((*middle, size[2] / 2.0), yaw_quaternion(rng.uniform(-np.pi, np.pi))))
     scene = scene_of("puck_komo", seed, [table(), disc, obstacle], [robot], Goal(DISC, goal))
-    ride = Ride(robot.name, DISC, 1, top_contact(robot, disc, rng), support=TABLE)
-    if not ends_are_free(scene, 0.0, ride, goal, rng, SAFE):
+    attachment = Attachment(robot.name, DISC, 1, top_contact(robot, disc, rng), support=TABLE)
+    if not ends_are_free(scene, 0.0, attachment, goal, rng, SAFE):
         return None
-    return carried(scene, 0.0, STEPS, ride, goal, (APPROACH, APPROACH_STEPS), seed, touching=True)
+    return transfer_motion(scene, 0.0, STEPS, attachment, goal, (APPROACH, APPROACH_STEPS), seed, touching=True)

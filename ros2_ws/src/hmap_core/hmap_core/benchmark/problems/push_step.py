@@ -1,9 +1,9 @@
-"""Reach a pushing contact on a box that stands on the table, then push it 5 to 15 cm; it never leaves the table."""
+"""Reach a pushing contact on a box on the table, then push it 5 to 15 cm; the box never leaves the table."""
 
 import numpy as np
 
-from hmap_core.benchmark.instances import MotionInstance, Ride, box, scene_of
-from hmap_core.benchmark.problems.common import SAFE, TABLE, carried, panda, sampled, table, yaw_quaternion
+from hmap_core.benchmark.instances import Attachment, MotionInstance, box, scene_of
+from hmap_core.benchmark.problems.common import SAFE, TABLE, panda, sampled, table, transfer_motion, yaw_quaternion
 from hmap_core.benchmark.sampling import contact_pose, ends_are_free, hand_axes
 from hmap_core.transforms import apply, pose
 from hmap_core.types import BodyKind, Goal, Robot
@@ -16,7 +16,7 @@ BEARING = np.pi / 4  # rad to either side of the robot's front
 PUSH = (0.05, 0.15)  # m
 SIDEWAYS = np.deg2rad(30.0)  # between the push and the inward normal
 TURN = np.deg2rad(20.0)  # of the box
-TILT = (np.deg2rad(30.0), np.deg2rad(60.0))  # of the hand, from along the normal towards from above
+TILT = (np.deg2rad(30.0), np.deg2rad(60.0))  # of the hand, from the normal's direction towards straight down
 AROUND = 0.7  # share of a face in which contacts lie
 OBSTACLES = 4
 OBSTACLE_SIZE = ((0.04, 0.04, 0.05), (0.12, 0.12, 0.3))  # m
@@ -27,11 +27,12 @@ APPROACH = 0.04  # m
 
 
 def push_step(seed: int) -> MotionInstance:
-    return sampled(_attempt, "push_step", seed)
+    """The box and its obstacles are drawn at random."""
+    return sampled(_sample_instance, "push_step", seed)
 
 
 def face_contact(robot: Robot, size: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """A contact T_obj_ee (7,) on a side of a box of these extents (3,), and the inward normal (3,) there."""
+    """A contact T_obj_ee (7,) on a side of a box with these extents (3,), and the inward normal (3,) there."""
     axis, sign = rng.integers(2), rng.choice((-1.0, 1.0))
     normal = np.zeros(3)
     normal[axis] = sign
@@ -42,7 +43,7 @@ def face_contact(robot: Robot, size: np.ndarray, rng: np.random.Generator) -> tu
     return contact_pose(robot, point, normal, hand_axes(z, rng.uniform(-np.pi, np.pi))), -normal
 
 
-def _attempt(seed: int, rng: np.random.Generator) -> MotionInstance | None:
+def _sample_instance(seed: int, rng: np.random.Generator) -> MotionInstance | None:
     robot = panda()
     size = rng.uniform(*SIZE)
     distance, bearing = rng.uniform(*DISTANCE), rng.uniform(-BEARING, BEARING)
@@ -54,14 +55,14 @@ def _attempt(seed: int, rng: np.random.Generator) -> MotionInstance | None:
     goal = pose(start[:3] + way * direction, yaw_quaternion(yaw + turn))
     bodies = [table(), box(BOX, size, start, BodyKind.MOVABLE), *_obstacles(start, goal, size, rng)]
     scene = scene_of("push_step", seed, bodies, [robot], Goal(BOX, goal))
-    ride = Ride(robot.name, BOX, 1, contact, support=TABLE)
-    if not ends_are_free(scene, 0.0, ride, goal, rng, SAFE):
+    attachment = Attachment(robot.name, BOX, 1, contact, support=TABLE)
+    if not ends_are_free(scene, 0.0, attachment, goal, rng, SAFE):
         return None
-    return carried(scene, 0.0, STEPS, ride, goal, (APPROACH, APPROACH_STEPS), seed, touching=True)
+    return transfer_motion(scene, 0.0, STEPS, attachment, goal, (APPROACH, APPROACH_STEPS), seed, touching=True)
 
 
 def _obstacles(start: np.ndarray, goal: np.ndarray, size: np.ndarray, rng: np.random.Generator):
-    """Boxes that stand on the table beside the way of the pushed one."""
+    """Boxes on the table beside the path of the pushed box."""
     obstacles = []
     for k in range(OBSTACLES):
         extents = rng.uniform(*OBSTACLE_SIZE)
