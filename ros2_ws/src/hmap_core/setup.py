@@ -19,7 +19,6 @@ setup(
         "matplotlib",
         "numba",
         "numpy",
-        "ompl>=1.7,<2",
         "open3d-cpu",
         "pybullet",
         "pydantic",

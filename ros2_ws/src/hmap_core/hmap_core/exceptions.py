@@ -5,6 +5,7 @@ an exception of the core becomes an error code at the ROS interface.
 """
 
 from enum import IntEnum
+from typing import Any
 
 
 class Code(IntEnum):
@@ -55,10 +56,12 @@ class HmapError(Exception):
         stage: the stage that failed: ``input``, ``waypoints``, ``contacts``, ``motion``, ``planner`` or ``execution``.
         code: a :class:`Code`.
         reason: as given.
+        search: the search tree of the planning job that failed, as plain data, if there is one.
     """
 
     stage = "internal"
     default_code = Code.INTERNAL
+    search: dict[str, Any] | None = None
 
     def __init__(self, reason: str, code: Code | None = None):
         self.code = self.default_code if code is None else code

@@ -18,7 +18,8 @@ from hmap_core.komo.skeleton import Skeleton, SkeletonEntry
 from hmap_core.komo.skeleton_problem import SkeletonProblem
 from hmap_core.komo.transcription import KomoProblem
 from hmap_core.komo.workspace import Workspace
-from hmap_core.planner import LocalBackend, plan
+from hmap_core.planner import ObjectPathQuery, plan
+from hmap_core.planner.object_path import BidirectionalSearch
 from hmap_core.scenes import load_scene
 from hmap_core.transforms import from_rpy, multiply, pose
 from hmap_core.types import Body, BodyKind, Shape, ShapeKind
@@ -33,7 +34,7 @@ def _planar_paths() -> None:
     """Before the tasks, whose object paths have a time limit of their own."""
     for task in PATHS:
         scene = load_scene(task)
-        LocalBackend().plan_waypoints(scene, scene.start_state(), scene.goal.object, scene.goal, 0, TIME_LIMIT)
+        BidirectionalSearch().plan_path(ObjectPathQuery(scene, scene.start_state(), scene.goal, 0, TIME_LIMIT))
 
 
 def _spatial_path() -> None:

@@ -18,7 +18,8 @@ from hmap_core.contacts.feasibility import (
 from hmap_core.komo.manipulation import GRASP_RETREAT, Manipulation, Phase, bit, free_opening, retreated
 from hmap_core.komo.path_collisions import path_violations
 from hmap_core.komo.shapes import body_set
-from hmap_core.planner.local import LocalBackend, contact_score
+from hmap_core.planner import ContactSearchQuery, local_components
+from hmap_core.planner.contact_finder import contact_score
 from hmap_core.transforms import apply, distance, from_matrix, interpolate, inverse, multiply, pose
 from hmap_core.types import ContactKind, ContactPoint
 
@@ -220,13 +221,14 @@ def test_contacts_that_open_alike_share_a_model():
     assert sorted(map(tuple, alike([narrow, wide, narrow]))) == [(0, 2), (1,)]
 
 
-def test_the_backend_hands_out_the_worthiest_first(scene):
-    backend, state = LocalBackend(), scene.start_state()
-    found = backend.propose_contacts(scene, state, "brick", line(scene), ("arm",), None, 10, 3)
+def test_contacts_are_found_with_the_highest_score_first(scene):
+    finder = local_components().contacts
+    query = ContactSearchQuery(scene, scene.start_state(), "brick", line(scene), ("arm",), None, 10, 3)
+    found = finder.find_contacts(query)
     assert found
     values = [contact_score(scene, c) for c in found]
     assert values == sorted(values, reverse=True)
-    again = backend.propose_contacts(scene, state, "brick", line(scene), ("arm",), None, 10, 3)
+    again = finder.find_contacts(query)
     assert [c.reach for c in found] == [c.reach for c in again]
     for a, b in zip(found, again, strict=True):
         np.testing.assert_array_equal(a.keyframes, b.keyframes)

@@ -1,4 +1,4 @@
-"""Algorithm 1 with a scripted backend: what is tried after what, when it gives up, and what it then says."""
+"""Algorithm 1 with scripted components: what is tried after what, when it gives up, and what it then says."""
 
 import time
 from dataclasses import replace
@@ -9,10 +9,11 @@ import pytest
 from planner_fixtures import carry
 
 from hmap_core.exceptions import Code, ContactError, HmapError, InputError, MotionError, PlannerError, WaypointError
-from hmap_core.planner import J_MAX, Planner, RobotContact, SubTrajectory, plan
-from hmap_core.planner.algorithm import WAYPOINT_ROUNDS
+from hmap_core.planner import J_MAX, HmapPlanner, PlannerComponents, PlanningJob, RobotContact, SubTrajectory, plan
 from hmap_core.planner.assembly import assemble, state_after
-from hmap_core.planner.obstacle_removal import SolutionSequence, Subgoal
+from hmap_core.planner.protocols import SegmentQuery
+from hmap_core.planner.search import ROUNDS
+from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
 from hmap_core.transforms import interpolate, pose
 from hmap_core.types import ContactKind, ContactPoint, Goal, Segment, SegmentKind, Trajectory
 from hmap_core.waypoints import NoObjectPath
@@ -21,7 +22,7 @@ PATH = 11  # poses of the object's path
 
 
 class Script:
-    """A backend whose contacts serve ``reach`` poses, and whose motions fail as long as ``fail(call number)``."""
+    """All components in one: contacts serve ``reach`` poses, and motions fail as long as ``fail(call number)``."""
 
     def __init__(self, reach=4, contacts=3, fail=lambda k: False, no_contact=False, works=lambda: None):
         self.reach, self.contacts, self.fail, self.no_contact, self.works = reach, contacts, fail, no_contact, works
@@ -30,43 +31,47 @@ class Script:
         self.poses: list[np.ndarray] = []
         self.seeds: list[int] = []
 
-    tool_grasps = pick_tool = place_tool = None  # there are no tools
+    tool_grasps = plan_pick = plan_place = propose = promising = None  # there are no tools
 
-    def plan_waypoints(self, scene, state, object, goal, seed, time_limit, checks):
+    @property
+    def planner(self):
+        return HmapPlanner(PlannerComponents(self, self, self, self, self, self, self))
+
+    def plan_path(self, query):
         self.calls.append("waypoints")
-        self.seeds.append(seed)
-        poses = interpolate(state.poses[object], goal.pose, np.linspace(0, 1, PATH))
+        self.seeds.append(query.seed)
+        poses = interpolate(query.state.poses[query.goal.object], query.goal.pose, np.linspace(0, 1, PATH))
         return SimpleNamespace(poses=poses)
 
-    def propose_contacts(self, scene, state, object, object_poses, robots, cloud, count, seed, time_limit):
-        assert object in scene.bodies
+    def find_contacts(self, query):
+        assert query.object in query.scene.bodies
         self.calls.append("contacts")
-        self.poses.append(object_poses)
+        self.poses.append(query.object_poses)
         if self.no_contact:
             raise ContactError("nothing is reachable", Code.NO_CONTACT)
         self.works()
         contact = ContactPoint(ContactKind.GRASP, pose(), np.zeros(3), np.zeros(3), 0.05, np.array([0, 0, 1.0]))
-        reach = min(self.reach, len(object_poses) - 1)
-        return [RobotContact("arm", contact, reach, np.zeros((reach + 1, 7)))] * min(self.contacts, count)
+        reach = min(self.reach, len(query.object_poses) - 1)
+        return [RobotContact("arm", contact, reach, np.zeros((reach + 1, 7)))] * min(self.contacts, query.count)
 
-    def contacts_at_both_ends(self, scene, state, object, T_goal, robot, count, seed):
+    def find(self, scene, state, object, T_goal, robot, count, seed):
         return self.hands
 
-    def check_contacts(self, scene, state, object, object_poses, robot, contacts, rng):
+    def check(self, query, contacts, beyond=-1):
         self.calls.append("hand")
-        reach = len(object_poses) - 1
-        return [RobotContact(robot, contact, reach, np.zeros((reach + 1, 7))) for contact in contacts]
+        reach = len(query.object_poses) - 1
+        return [RobotContact(query.robot, contact, reach, np.zeros((reach + 1, 7))) for contact in contacts]
 
-    def solve_segment(self, scene, state, object, contact, object_poses, seed, time_limit):
+    def plan_segment(self, query):
         self.calls.append("motion")
         if self.fail(self.calls.count("motion")):
             raise MotionError(f"try {self.calls.count('motion')} fails")
-        count = len(object_poses)
+        count = len(query.object_poses)
+        joints = {"arm": np.repeat(query.state.q["arm"][None], count, 0)}
         trajectory = Trajectory(
-            0.02 * np.arange(count), {"arm": np.repeat(state.q["arm"][None], count, 0)}, {"arm": np.full(count, 0.08)},
-            {object: object_poses},
-        )  # fmt: skip
-        segment = Segment(0.0, 0.02 * (count - 1), "arm", "panda_hand", object, SegmentKind.GRASP, pose())
+            0.02 * np.arange(count), joints, {"arm": np.full(count, 0.08)}, {query.object: query.object_poses}
+        )
+        segment = Segment(0.0, 0.02 * (count - 1), "arm", "panda_hand", query.object, SegmentKind.GRASP, pose())
         return SubTrajectory(trajectory, (segment,))
 
 
@@ -75,9 +80,9 @@ def scene(tmp_path):
     return carry(tmp_path)
 
 
-def failure(planner) -> HmapError:
+def failure(script, scene, **limits) -> HmapError:
     with pytest.raises(HmapError) as error:
-        planner.plan()
+        script.planner.plan(scene, **limits)
     assert error.value.stage and error.value.reason
     return error.value
 
@@ -85,16 +90,16 @@ def failure(planner) -> HmapError:
 def test_a_plan_that_nobody_could_execute_is_rejected_and_planned_anew(scene):
     """The object flies by itself here: the judge has the last word, and the violation is named."""
     script = Script()
-    error = failure(Planner(scene, backend=script))
+    error = failure(script, scene)
     assert (error.stage, error.code) == ("planner", Code.PLAN_REJECTED)
     assert "brick" in error.reason
-    assert script.calls.count("waypoints") == WAYPOINT_ROUNDS
-    assert len(set(script.seeds)) == WAYPOINT_ROUNDS
+    assert script.calls.count("waypoints") == ROUNDS
+    assert len(set(script.seeds)) == ROUNDS
 
 
 def test_the_main_loop_goes_on_where_the_last_contact_ended(scene):
     script = Script(reach=4, fail=lambda k: k > 3)
-    failure(Planner(scene, backend=script))
+    failure(script, scene)
     assert script.calls[:7] == ["waypoints", "contacts", "motion", "contacts", "motion", "contacts", "motion"]
     first, second, third = script.poses[:3]
     assert (len(first), len(second), len(third)) == (11, 7, 3)
@@ -104,9 +109,9 @@ def test_the_main_loop_goes_on_where_the_last_contact_ended(scene):
 
 def test_the_inner_loop_tries_the_next_contact_and_stops_at_j_max(scene):
     script = Script(contacts=7, fail=lambda k: True)
-    error = failure(Planner(scene, backend=script))
-    assert error.code == Code.NO_MOTION and f"try {WAYPOINT_ROUNDS * J_MAX} fails" in error.reason
-    assert script.calls.count("motion") == WAYPOINT_ROUNDS * J_MAX
+    error = failure(script, scene)
+    assert error.code == Code.NO_MOTION and f"try {ROUNDS * J_MAX} fails" in error.reason
+    assert script.calls.count("motion") == ROUNDS * J_MAX
 
 
 def test_where_no_hand_follows_the_path_one_is_sought_for_a_hand(scene):
@@ -114,22 +119,22 @@ def test_where_no_hand_follows_the_path_one_is_sought_for_a_hand(scene):
     contact = ContactPoint(ContactKind.GRASP, pose((0, 0, 0.1)), np.zeros(3), np.zeros(3), 0.05, np.array([0, 0, 1.0]))
     script.hands = [contact]
     seen = []
-    failure(Planner(scene, backend=script, progress=seen.append))
+    failure(script, scene, progress=seen.append)
     assert script.calls[: 2 + 2 * J_MAX] == ["waypoints", *["contacts", "motion"] * J_MAX, "waypoints"]
     assert script.calls[2 + 2 * J_MAX : 4 + 2 * J_MAX] == ["hand", "motion"]
-    assert any("in a hand" in p.text for p in seen)
+    assert any("with a hand attached" in p.text for p in seen)
 
 
 def test_without_contacts_the_reach_of_the_goal_is_asked(scene):
-    error = failure(Planner(scene, backend=Script(no_contact=True)))
+    error = failure(Script(no_contact=True), scene)
     assert (error.stage, error.code) == ("contacts", Code.OUT_OF_REACH)
     assert "brick" in error.reason and "arm" in error.reason
 
 
 def test_so_it_is_for_what_could_be_put_aside(scene):
-    planner = Planner(replace(scene, removable={"brick": None}), backend=Script(no_contact=True))
+    job = PlanningJob(Script(no_contact=True).planner, replace(scene, removable={"brick": None}))
     with pytest.raises(ContactError) as error:
-        planner.bring(Subgoal(scene.goal), SolutionSequence(planner.start))
+        job.search.bring(Subgoal(scene.goal), SolutionSequence(job.start))
     assert error.value.code == Code.OUT_OF_REACH
 
 
@@ -139,15 +144,15 @@ def test_an_object_without_a_path_is_reported_as_it_is(scene):
     def blocked(*args):
         raise WaypointError("no path of 'brick'")
 
-    script.plan_waypoints = blocked
-    assert failure(Planner(scene, backend=script)).code == Code.NO_OBJECT_PATH
+    script.plan_path = blocked
+    assert failure(script, scene).code == Code.NO_OBJECT_PATH
 
 
 @pytest.mark.parametrize("contacts_fail", [True, False])
 def test_a_later_search_without_a_path_ends_nothing(scene, contacts_fail):
     """Neither among the first paths, none of which leads to a contact, nor after those."""
     script = Script(no_contact=contacts_fail, fail=lambda k: True)
-    search = script.plan_waypoints
+    search = script.plan_path
 
     def only_once(*args):
         if "waypoints" in script.calls:
@@ -155,30 +160,30 @@ def test_a_later_search_without_a_path_ends_nothing(scene, contacts_fail):
             raise NoObjectPath("no path of 'brick'", ("wall",), None)
         return search(*args)
 
-    script.plan_waypoints = only_once
-    error = failure(Planner(scene, backend=script))
-    assert script.calls.count("none") == (1 if contacts_fail else WAYPOINT_ROUNDS - 1)
+    script.plan_path = only_once
+    error = failure(script, scene)
+    assert script.calls.count("none") == (1 if contacts_fail else ROUNDS - 1)
     assert error.code == (Code.OUT_OF_REACH if contacts_fail else Code.NO_MOTION)
 
 
 def test_the_time_limit_is_honoured_with_the_last_failure_as_reason(scene):
-    error = failure(Planner(scene, backend=Script(fail=lambda k: True, works=lambda: time.sleep(0.03)), time_limit=0.1))
+    error = failure(Script(fail=lambda k: True, works=lambda: time.sleep(0.03)), scene, time_limit=0.1)
     assert isinstance(error, PlannerError) and error.code == Code.TIME_LIMIT
     assert "0.1 s" in error.reason and "fails" in error.reason
-    assert failure(Planner(scene, backend=Script(), time_limit=0.0)).code == Code.TIME_LIMIT
+    assert failure(Script(), scene, time_limit=0.0).code == Code.TIME_LIMIT
 
 
 def test_cancel_is_honoured_between_two_steps(scene):
     for after in (0, 1, 3):
         script = Script(fail=lambda k: True)
-        error = failure(Planner(scene, backend=script, canceled=lambda s=script, n=after: len(s.calls) > n))
+        error = failure(script, scene, cancel=lambda s=script, n=after: len(s.calls) > n)
         assert error.code == Code.CANCELED
         assert len(script.calls) <= after + 2
 
 
 def test_progress_tells_what_is_being_done(scene):
     seen = []
-    failure(Planner(scene, backend=Script(), progress=seen.append))
+    failure(Script(), scene, progress=seen.append)
     assert [p.phase for p in seen[:4]] == ["waypoints", "contacts", "motion", "contacts"]
     assert "checking" in [p.phase for p in seen]
     assert (seen[3].waypoint, seen[3].waypoints) == (4, PATH - 1)
@@ -206,11 +211,11 @@ def test_a_robot_that_starts_beyond_its_limits_or_in_the_table_is_refused(scene)
 def test_segments_are_put_together_without_gaps(scene):
     state, script = scene.start_state(), Script()
     poses = interpolate(state.poses["brick"], scene.goal.pose, np.linspace(0, 1, 9))
-    first = script.solve_segment(scene, state, "brick", None, poses[:5], 0, 1.0)
+    first = script.plan_segment(SegmentQuery(scene, state, "brick", None, poses[:5]))
     after = state_after(state, first)
     np.testing.assert_array_equal(after.poses["brick"], poses[4])
     np.testing.assert_array_equal(state.poses["brick"], poses[0])
-    second = script.solve_segment(scene, after, "brick", None, poses[4:], 0, 1.0)
+    second = script.plan_segment(SegmentQuery(scene, after, "brick", None, poses[4:]))
     made = assemble(scene, state, [first, second], poses[[4, 8]], {})
     np.testing.assert_allclose(made.trajectory.time, 0.02 * np.arange(9))
     np.testing.assert_array_equal(made.trajectory.objects["brick"], poses)

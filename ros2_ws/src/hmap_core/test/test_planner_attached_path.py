@@ -9,15 +9,16 @@ from planner_fixtures import carry
 
 from hmap_core.exceptions import Code, ContactError
 from hmap_core.komo.shapes import body_set
-from hmap_core.planner import LocalBackend
+from hmap_core.planner import ContactSearchQuery, ObjectPathQuery, local_components
 from hmap_core.planner.attached_path import attached_paths, with_hand
 from hmap_core.planner.conflicts import object_clearances
-from hmap_core.planner.filters import InHand
+from hmap_core.planner.contact_filters import AttachedPathContact, NoToolGrasps
 from hmap_core.planner.interfaces import AttachedPath
 from hmap_core.transforms import pose
 from hmap_core.types import Body, BodyKind, ContactKind, Shape, ShapeKind
 from hmap_core.waypoints import NoObjectPath
 
+PARTS = local_components()
 UNDER_BAR = 0.19  # m, height of the bar's lower side
 
 
@@ -35,74 +36,69 @@ def scene(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def hands(scene):
-    found = LocalBackend().contacts_at_both_ends(
-        scene, scene.start_state(), "brick", scene.goal.pose, "arm", count=3, seed=0
-    )
+    found = PARTS.end_contacts.find(scene, scene.start_state(), "brick", scene.goal.pose, "arm", count=3, seed=0)
     return [("arm", contact) for contact in found]
 
 
 def paths(scene, hands, **changes):
     scene = replace(scene, **changes)
     rng = np.random.default_rng(0)
-    return list(attached_paths(LocalBackend(), scene, scene.start_state(), scene.goal, hands, rng, 10.0))
+    return list(attached_paths(PARTS.object_path, scene, scene.start_state(), scene.goal, hands, rng, 10.0))
 
 
 def test_the_hand_goes_with_the_object_past_what_stands_around(scene, hands):
-    alone = LocalBackend().plan_waypoints(scene, scene.start_state(), "brick", scene.goal, 0, 10.0).poses
+    alone = PARTS.object_path.plan_path(ObjectPathQuery(scene, scene.start_state(), scene.goal, 0, 10.0)).poses
     found = paths(scene, hands)
     assert found and alone[:, 2].max() < UNDER_BAR
-    for held in found:
-        np.testing.assert_allclose(held.poses[[0, -1]], alone[[0, -1]], atol=1e-9)
-        joined = body_set(with_hand(scene.bodies["brick"], scene.robots["arm"], held.contact))
+    for path in found:
+        np.testing.assert_allclose(path.poses[[0, -1]], alone[[0, -1]], atol=1e-9)
+        joined = body_set(with_hand(scene.bodies["brick"], scene.robots["arm"], path.contact))
         for name in ("bar", "wall", "table"):
-            assert object_clearances(joined, held.poses, scene.bodies[name]).min() > -1e-3
+            assert object_clearances(joined, path.poses, scene.bodies[name]).min() > -1e-3
         assert object_clearances(joined, alone, scene.bodies["bar"]).min() < -0.01
 
 
-def handed_out(scene, held, poses):
-    return InHand(LocalBackend(), held).propose_contacts(scene, scene.start_state(), "brick", poses)
+def returned(scene, path, poses):
+    query = ContactSearchQuery(scene, scene.start_state(), "brick", poses)
+    return AttachedPathContact(PARTS.checker, path).find_contacts(query)
 
 
 def test_an_arm_follows_one_of_them_to_the_end(scene, hands):
     reached = []
-    for held in paths(scene, hands):
+    for path in paths(scene, hands):
         try:
-            reached += [contact.reach - len(held.poses) + 1 for contact in handed_out(scene, held, held.poses)]
+            reached += [contact.reach - len(path.poses) + 1 for contact in returned(scene, path, path.poses)]
         except ContactError:
             continue
     assert reached and not any(reached)
 
 
-def test_a_contact_that_does_not_serve_to_the_end_is_not_handed_out(scene, hands):
-    held = paths(scene, hands)[0]
-    far = np.concatenate([held.poses, held.poses[-1:] + np.array([[3.0, 0, 0, 0, 0, 0, 0]])])
+def test_a_contact_that_does_not_cover_the_path_is_not_returned(scene, hands):
+    path = paths(scene, hands)[0]
+    far = np.concatenate([path.poses, path.poses[-1:] + np.array([[3.0, 0, 0, 0, 0, 0, 0]])])
     with pytest.raises(ContactError, match="does not carry 'brick' all the way") as error:
-        handed_out(scene, held, far)
+        returned(scene, path, far)
     assert error.value.code == Code.NO_CONTACT
 
 
-def test_a_contact_is_handed_out_once_for_a_path(scene, hands):
+def test_a_contact_is_returned_once_for_a_path(scene, hands):
     contact = hands[0][1]
-    backend = SimpleNamespace(
-        check_contacts=lambda *_: [SimpleNamespace(reach=1)],
-        **dict.fromkeys(
-            ("plan_waypoints", "solve_segment", "tool_grasps", "pick_tool", "place_tool", "contacts_at_both_ends")
-        ),
-    )
+    checker = SimpleNamespace(check=lambda *_: [SimpleNamespace(reach=1)])
+    query = ContactSearchQuery(scene, scene.start_state(), "brick", np.tile(pose(), (2, 1)))
     poses = np.tile(pose(), (2, 1))
-    in_hand = InHand(backend, AttachedPath("brick", poses, "arm", contact))
-    assert in_hand.propose_contacts(scene, scene.start_state(), "brick", poses)
+    finder = AttachedPathContact(checker, AttachedPath("brick", poses, "arm", contact))
+    assert finder.find_contacts(query)
     with pytest.raises(ContactError):
-        in_hand.propose_contacts(scene, scene.start_state(), "brick", poses)
-    assert in_hand.propose_contacts(scene, scene.start_state(), "brick", poses + 1e-3)
-    assert in_hand.tool_grasps() == []
+        finder.find_contacts(query)
+    assert finder.find_contacts(replace(query, object_poses=poses + 1e-3))
+    assert NoToolGrasps().tool_grasps(scene, scene.start_state(), "brick", poses, 0, 1.0) == []
 
 
 def test_contacts_at_both_ends_hold(scene, hands):
     assert hands
     assert all(contact.kind is ContactKind.GRASP for _, contact in hands)
     away = pose((3.0, 0.0, 0.5))
-    assert LocalBackend().contacts_at_both_ends(scene, scene.start_state(), "brick", away, "arm", 3, 0) == []
+    assert PARTS.end_contacts.find(scene, scene.start_state(), "brick", away, "arm", 3, 0) == []
 
 
 def test_what_could_be_put_aside_is_told_apart_from_what_stays(scene, hands):
@@ -113,7 +109,7 @@ def test_what_could_be_put_aside_is_told_apart_from_what_stays(scene, hands):
         raise NoObjectPath("closed", ("lid",), *answers[next(calls)])
 
     calls = iter(range(3))
-    backend, rng = SimpleNamespace(plan_waypoints=blocked), np.random.default_rng(0)
-    found = list(attached_paths(backend, scene, scene.start_state(), scene.goal, hands[:1] * 3, rng, 10.0))
-    assert [held.blockers for held in found] == [("lid",)]
+    planner, rng = SimpleNamespace(plan_path=blocked), np.random.default_rng(0)
+    found = list(attached_paths(planner, scene, scene.start_state(), scene.goal, hands[:1] * 3, rng, 10.0))
+    assert [path.blockers for path in found] == [("lid",)]
     assert found[0].poses is free

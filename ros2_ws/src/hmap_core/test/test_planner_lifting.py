@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from hmap_core.planner import ContactSearchQuery, SegmentQuery, local_components
 from hmap_core.planner.lifting import LIFT, drag_tips, lifted, raised
-from hmap_core.planner.local import LocalBackend, placed_bodies
+from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.scenes import load_scene
 from hmap_core.transforms import from_rpy, interpolate, pose
 from hmap_core.types import ContactKind, ContactPoint
@@ -71,7 +72,7 @@ def test_raising_leaves_the_ends_and_what_is_high_enough():
 def contact_on(scene, poses):
     """A contact of the arm that would be dragged and tip; which one the sampling finds is the same every time."""
     state = scene.start_state()
-    found = LocalBackend().propose_contacts(scene, state, "tall", poses, seed=0)
+    found = local_components().contacts.find_contacts(ContactSearchQuery(scene, state, "tall", poses))
     return next(c for c in found if c.reach == len(poses) - 1 and drag_tips(scene.bodies["tall"], c.contact, poses))
 
 
@@ -101,7 +102,7 @@ def test_a_segment_of_the_planner_lifts_what_would_tip(tmp_path):
     scene = task(tmp_path)
     poses, state = path(scene), scene.start_state()
     contact = contact_on(scene, poses)
-    motion = LocalBackend().solve_segment(scene, state, "tall", contact, poses, seed=0)
+    motion = local_components().segments.plan_segment(SegmentQuery(scene, state, "tall", contact, poses))
     assert motion.trajectory.objects["tall"][:, 2].max() == pytest.approx(0.1 + LIFT, abs=2e-3)
 
 
@@ -110,7 +111,7 @@ def test_what_flies_is_put_down_from_above(tmp_path):
     scene = task(tmp_path)
     state, poses = scene.start_state(), path(scene)
     poses[3:6, 2] += 0.05
-    found = LocalBackend().propose_contacts(scene, state, "tall", poses, seed=0)
+    found = local_components().contacts.find_contacts(ContactSearchQuery(scene, state, "tall", poses))
     contact = next(c for c in found if c.reach == len(poses) - 1 and c.contact.kind == ContactKind.GRASP)
     _, way = lifted(scene, state, "tall", contact, poses, placed_bodies(scene, state, "tall"), 0.7)
     np.testing.assert_allclose(way[[1, 2, 6, 7, 8, 9], 2], 0.1 + LIFT)

@@ -6,9 +6,9 @@ from obstacle_fixtures import gap, heavy_slab, tower
 
 from hmap_core.collision.convex import set_distance
 from hmap_core.komo.shapes import body_set
-from hmap_core.planner.local import placed_bodies
 from hmap_core.planner.obstruction import carried_by, met
 from hmap_core.planner.placements import MIN_SPACE, given_place, level_faces, placements_of
+from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.planner.sweep import joined, nearest, object_sweep, placed, robot_sweeps
 from hmap_core.transforms import interpolate, pose
 from hmap_core.waypoints import stable_poses

@@ -1,6 +1,7 @@
 """Obstacles that have to go first: what is removed, in which order, how deep, and what is said when one cannot go."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,8 +9,10 @@ from obstacle_fixtures import corridor, crowded, eight, gap, heavy_slab, side_do
 
 from hmap_core.exceptions import Code, PlannerError
 from hmap_core.plan_file import to_dict
-from hmap_core.planner import Planner, plan
-from hmap_core.planner.obstacle_removal import ObstacleRemoval, RemovalError, SolutionSequence, Subgoal
+from hmap_core.planner import HmapPlanner, PlanningJob, plan
+from hmap_core.planner.obstacle_removal import ObstacleRemoval, RemovalError
+from hmap_core.planner.outcome import Failure, Solution
+from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
 from hmap_core.types import Goal
 from hmap_core.validation import check
 
@@ -76,16 +79,16 @@ def test_boxes_in_the_hands_way_are_put_aside_though_the_object_could_pass(tmp_p
 
 
 def test_of_eight_boxes_only_the_two_in_the_way_go(tmp_path):
-    planner = Planner(eight(tmp_path), seed=1, time_limit=TIME_LIMIT)
-    made = planner.plan()
+    job = PlanningJob(HmapPlanner(), eight(tmp_path), seed=1, time_limit=TIME_LIMIT)
+    made = job.plan()
     assert_valid(made, removed=2)
     assert set(moved(made)) == {"box_0", "box_1", "brick"}
-    assert planner.removal.begun == 2
+    assert job.search.removal.begun == 2
 
 
 def test_an_obstacle_that_cannot_be_moved_is_named(tmp_path):
     seen = []
-    with pytest.raises(PlannerError, match="'slab' is in the way of 'brick' and cannot be put aside: .*slab") as error:
+    with pytest.raises(PlannerError, match="'slab' is in the way of 'brick' and cannot be removed: .*slab") as error:
         plan(heavy_slab(tmp_path, motion="auto"), seed=1, time_limit=TIME_LIMIT, progress=seen.append)
     assert (error.value.stage, error.value.code) == ("planner", Code.NO_CONTACT)
     assert "path of 'slab' out of the way of 'brick'" in [p.text for p in seen]
@@ -107,22 +110,21 @@ def test_the_same_seed_removes_alike(tmp_path):
 
 
 class Scripted:
-    """A planner that brings a body only once all that bars its way has gone, and says what it was asked."""
+    """A search that brings a body only once all that bars its way has gone, and says what it was asked."""
 
     def __init__(self, scene, bars: dict[str, set[str]]):
-        self.scene, self.bars = scene, bars
-        self.rng = np.random.default_rng(0)
+        self.context, self.bars = SimpleNamespace(scene=scene, rng=np.random.default_rng(0)), bars
         self.asked: list[str] = []
 
-    def bring(self, subgoal, solution):
+    def bring(self, subgoal, sequence):
         name = subgoal.goal.object
         self.asked.append(name)
-        left = self.bars.get(name, set()) - set(solution.aside)
+        left = self.bars.get(name, set()) - set(sequence.aside)
         if left:
-            raise PlannerError(f"'{name}' is stuck behind {', '.join(sorted(left))}", Code.NO_MOTION)
-        state = solution.state.copy()
+            return Failure.of(PlannerError(f"'{name}' is stuck behind {', '.join(sorted(left))}", Code.NO_MOTION))
+        state = sequence.state.copy()
         state.poses[name] = subgoal.goal.pose
-        return replace(solution, state=state)
+        return Solution(replace(sequence, state=state))
 
 
 def cleared(scene, bars) -> tuple[SolutionSequence, Scripted, ObstacleRemoval]:
@@ -146,7 +148,7 @@ def test_a_circle_of_obstacles_ends_with_a_reason_after_few_tries(tmp_path):
     names = list(scene.removable)
     planner = Scripted(scene, {name: set(names) - {name} for name in names})
     removal = ObstacleRemoval(planner)
-    with pytest.raises(RemovalError, match="cannot be put aside: 'box_7' is stuck behind box_0"):
+    with pytest.raises(RemovalError, match="cannot be removed: 'box_7' is stuck behind box_0"):
         removal.clear(Subgoal(scene.goal), SolutionSequence(scene.start_state()), names, ())
     assert removal.begun == len(names)
 
@@ -155,7 +157,7 @@ def test_time_that_is_up_ends_the_clearing_at_once(tmp_path):
     scene = eight(tmp_path)
     planner = Scripted(scene, {})
 
-    def late(subgoal, solution):
+    def late(subgoal, sequence):
         planner.asked.append(subgoal.goal.object)
         raise PlannerError("time is up", Code.TIME_LIMIT)
 
@@ -167,7 +169,7 @@ def test_time_that_is_up_ends_the_clearing_at_once(tmp_path):
     assert planner.asked == ["box_0"]
 
 
-def test_an_errand_that_must_manage_alone_removes_nothing(tmp_path):
+def test_a_subgoal_that_must_manage_alone_removes_nothing(tmp_path):
     scene = eight(tmp_path)
     planner = Scripted(scene, {})
     subgoal = Subgoal(Goal("box_2", scene.bodies["box_2"].pose), depth=1, alone=True)

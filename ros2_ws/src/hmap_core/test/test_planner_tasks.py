@@ -13,7 +13,7 @@ from hmap_core.komo.shapes import body_set
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import plan
 from hmap_core.planner.conflicts import object_clearances
-from hmap_core.planner.local import bases
+from hmap_core.planner.object_path import bases
 from hmap_core.scenes import list_tasks, load_scene
 from hmap_core.transforms import distance, pose
 from hmap_core.types import SegmentKind
@@ -137,7 +137,7 @@ def test_time_limit_and_cancel_reach_the_real_backend(tmp_path):
     assert error.value.code == Code.TIME_LIMIT
     phases = []
     with pytest.raises(PlannerError) as error:
-        plan(scene, progress=lambda p: phases.append(p.phase), canceled=lambda: "contacts" in phases)
+        plan(scene, progress=lambda p: phases.append(p.phase), cancel=lambda: "contacts" in phases)
     assert error.value.code == Code.CANCELED and phases[-1] == "contacts"
 
 

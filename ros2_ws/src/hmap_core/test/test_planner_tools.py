@@ -11,7 +11,7 @@ from hmap_core.kinematics.arm import load_arm
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import plan
 from hmap_core.planner.segments import attach_body
-from hmap_core.planner.tools import spread
+from hmap_core.planner.tools import farthest_points
 from hmap_core.scenes.portable import scene_from_text, scene_to_text
 from hmap_core.transforms import apply, multiply, pose
 from hmap_core.types import ContactKind, ContactPoint, SegmentKind
@@ -89,6 +89,6 @@ def test_a_scene_with_a_held_body_crosses_a_network(tmp_path):
 
 def test_holds_are_spread_over_a_tool():
     contacts = [hold(pose((x, 0.0, 0.0))) for x in (0.0, 0.01, 0.02, 0.19, 0.2)]
-    assert spread(contacts, 2) == [0, 4]
-    assert sorted(spread(contacts, 9)) == [0, 1, 2, 3, 4]
-    assert spread([], 3) == []
+    assert farthest_points(contacts, 2) == [0, 4]
+    assert sorted(farthest_points(contacts, 9)) == [0, 1, 2, 3, 4]
+    assert farthest_points([], 3) == []

@@ -36,7 +36,7 @@ def test_what_was_measured_may_be_off_a_little(tmp_path):
     with pytest.raises(InputError):
         plan(scene)
     with pytest.raises(PlannerError) as error:
-        plan(scene, scene.start_state(), canceled=lambda: True)
+        plan(scene, scene.start_state(), cancel=lambda: True)
     assert error.value.code == Code.CANCELED
 
 

@@ -1,1 +1,1 @@
-"""The sub-commands that this package adds to ``hmap``, one module each."""
+"""What the package adds to the command ``hmap``: one module per sub-command."""

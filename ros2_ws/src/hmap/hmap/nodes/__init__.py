@@ -1,1 +1,1 @@
-"""The ROS 2 nodes, one module each."""
+"""The nodes, one module each: ``main`` runs it as a process."""

@@ -1,33 +1,44 @@
-"""The node ``contact_proposer``: contacts on an object (Algorithm 3); asks komo_optimiser what is feasible."""
+"""The node ``contact_proposer``: proposes contacts on an object and checks them (Algorithm 3), as a service."""
 
 import sys
-import time
+from collections.abc import Sequence
 
 from hmap.conversions import cloud_from_message, known_object, known_robots
 from hmap.node import HmapNode, run
 from hmap.phase_conversions import contact_to_message
-from hmap.remote_backend import RosBackend
+from hmap.remote_components import RosContactChecker
 from hmap.requests import Caller, scene_and_state, time_limit
-from hmap_core.planner import LocalBackend
-from hmap_core.types import Scene
+from hmap_core.planner import ContactQuery, ContactSearchQuery, RobotContact, plugins
+from hmap_core.planner.components import proposers
+from hmap_core.planner.contact_checker import LocalContactChecker
+from hmap_core.planner.contact_finder import ProposeAndCheck
+from hmap_core.planner.protocols import ContactChecker
+from hmap_core.types import ContactPoint
 from hmap_msgs.srv import ProposeContacts
 from hmap_msgs_py.poses import poses_from_messages
 
 
-class RemoteFeasibility(LocalBackend):
-    """Proposes contacts here and has those that the hand alone allows checked by ``check_contacts``."""
+class CountingChecker:
+    """A checker that counts the contacts it gets.
 
-    def __init__(self, caller: Caller, limit: float):
-        super().__init__()
-        self._remote, self._until = RosBackend(caller), time.monotonic() + limit
+    Attributes:
+        count: number of contacts so far.
+    """
 
-    def check_contacts(self, scene: Scene, state, object, object_poses, robot, contacts, rng, beyond=-1):
-        contacts = self.promising_contacts(scene, state, object, object_poses, robot, contacts, beyond)
-        left = max(0.0, self._until - time.monotonic())
-        return self._remote.check_contacts(scene, state, object, object_poses, robot, contacts, rng, left)
+    def __init__(self, checker: ContactChecker):
+        self._checker, self.count = checker, 0
+
+    def check(self, query: ContactQuery, contacts: Sequence[ContactPoint], beyond: int = -1) -> list[RobotContact]:
+        """As :meth:`hmap_core.planner.protocols.ContactChecker.check`."""
+        self.count += len(contacts)
+        return self._checker.check(query, contacts, beyond)
+
+    def promising(self, query: ContactQuery, contacts: Sequence[ContactPoint], beyond: int = -1) -> list[ContactPoint]:
+        """As :meth:`hmap_core.planner.protocols.ContactChecker.promising`."""
+        return self._checker.promising(query, contacts, beyond)
 
 
-class ContactProposer(HmapNode):
+class ContactProposerNode(HmapNode):
     """Serves ``propose_contacts``."""
 
     def __init__(self):
@@ -35,29 +46,37 @@ class ContactProposer(HmapNode):
         self._time_limit = self.parameter("time_limit", 30.0, "s, of a request that names none", 0.01, 3600.0)
         self._count = self.parameter("count", 40, "contacts at most, of a request that names no number", 1, 10000)
         patience = self.parameter("service_patience", 20.0, "s to wait for a service that is away", 0.0, 3600.0)
-        self._remote = Caller(self, patience)
+        name = self.parameter("proposer", "sampled", "proposes contacts before sampled ones; see `hmap plugins`")
+        self._proposers = proposers(plugins.create(plugins.CONTACT_PROPOSERS, name))
+        text = "whether komo_optimiser checks contacts, instead of this node"
+        remote = self.parameter("check_remotely", False, text)
+        self._checker = RosContactChecker(Caller(self, patience)) if remote else LocalContactChecker()
         self.serve(ProposeContacts, "propose_contacts", self._propose)
 
     def _propose(self, request: ProposeContacts.Request, response: ProposeContacts.Response) -> None:
         scene, state = scene_and_state(request)
         name = known_object(scene, request.object)
-        limit = time_limit(request, self._time_limit)
-        found = RemoteFeasibility(self._remote, limit).propose_contacts(
+        checker = CountingChecker(self._checker)
+        query = ContactSearchQuery(
             scene,
             state,
             name,
             poses_from_messages(request.object_poses, "object_poses"),
-            known_robots(scene, request.robots),
+            tuple(known_robots(scene, request.robots)),
             cloud_from_message(request.cloud),
             int(request.count) or self._count,
             int(request.seed),
-            limit,
+            time_limit(request, self._time_limit),
         )
+        try:
+            found = ProposeAndCheck(self._proposers, checker).find_contacts(query)
+        finally:
+            response.sampled = checker.count
         response.contacts = [contact_to_message(contact, name) for contact in found]
 
 
 def main(args: list[str] | None = None) -> int:
-    return run(ContactProposer, args)
+    return run(ContactProposerNode, args)
 
 
 if __name__ == "__main__":

@@ -9,8 +9,9 @@ from hmap.node import HmapNode, run
 from hmap.phase_conversions import contact_from_message, motion_to_response, point_from_message
 from hmap.requests import scene_and_state, time_limit
 from hmap_core.exceptions import Code, ContactError, InputError
-from hmap_core.planner import LocalBackend
-from hmap_core.planner.interfaces import RobotContact
+from hmap_core.planner import ContactQuery, RobotContact, SegmentQuery
+from hmap_core.planner.contact_checker import LocalContactChecker
+from hmap_core.planner.komo_segments import KomoSegmentPlanner
 from hmap_msgs.srv import CheckContacts, SolveSegment
 from hmap_msgs_py.contacts import feasibility_to_message
 from hmap_msgs_py.errors import error_to_message
@@ -23,7 +24,7 @@ class KomoOptimiser(HmapNode):
     def __init__(self):
         super().__init__("komo_optimiser")
         self._time_limit = self.parameter("time_limit", 30.0, "s, of a request that names none", 0.01, 3600.0)
-        self._backend = LocalBackend()
+        self._checker, self._segments = LocalContactChecker(), KomoSegmentPlanner()
         self.serve(CheckContacts, "check_contacts", self._check)
         self.serve(SolveSegment, "solve_segment", self._solve)
 
@@ -38,7 +39,8 @@ class KomoOptimiser(HmapNode):
         for robot in dict.fromkeys(owners):
             known_robots(scene, [robot])
             own = [point for point, owner in zip(points, owners, strict=True) if owner == robot]
-            found = self._backend.check_contacts(scene, state, name, poses, robot, own, rng)
+            query = ContactQuery(scene, state, name, poses, robot, rng)
+            found = self._checker.check(query, own, int(request.min_reach) - 1)
             feasible |= {id(contact.contact): contact for contact in found}
         reason = error_to_message(
             ContactError("not reachable without collision, or others reach farther", Code.OUT_OF_REACH)
@@ -55,8 +57,8 @@ class KomoOptimiser(HmapNode):
         name = known_object(scene, request.object)
         contact = contact_from_message(scene, request.contact)
         limit = time_limit(request, self._time_limit)
-        motion = self._backend.solve_segment(scene, state, name, contact, _poses(request), int(request.seed), limit)
-        motion_to_response(scene, motion, response)
+        query = SegmentQuery(scene, state, name, contact, _poses(request), int(request.seed), limit)
+        motion_to_response(scene, self._segments.plan_segment(query), response)
 
 
 def _poses(request) -> np.ndarray:

@@ -15,14 +15,16 @@ from visualization_msgs.msg import MarkerArray
 from hmap.conversions import known_object, plan_to_message
 from hmap.naming import Naming
 from hmap.node import LATCHED, HmapNode, run
-from hmap.remote_backend import RosBackend
+from hmap.remote_components import remote_components
 from hmap.requests import Caller, time_limit
 from hmap.supervision.controllers import Controllers
 from hmap.supervision.follower import Blocked, Follower
 from hmap.supervision.markers import markers_of
 from hmap.supervision.scene_monitor import SceneMonitor
 from hmap_core import planner, transforms
+from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import Code, ExecutionError, HmapError, InputError, PlannerError
+from hmap_core.planner import HmapPlanner, ManipulationPlanner, plugins
 from hmap_core.planner.repair import plan_anew, rehearse
 from hmap_core.types import Goal, Plan, Scene
 from hmap_msgs.action import Manipulate
@@ -78,6 +80,7 @@ class Supervisor(HmapNode):
         self._time_limit = self.parameter(
             "time_limit", 120.0, "s for planning, of a goal that names none", 0.1, 86400.0
         )
+        self._planner = self.parameter("planner", plugins.DEFAULT_PLANNER, "the method; see `hmap plugins`")
         self._patience = self.parameter("service_patience", 30.0, "s to wait for a node that is away", 0.0, 3600.0)
         self._state_patience = self.parameter("state_patience", 10.0, "s to wait for a world state", 0.0, 3600.0)
         self._replans = self.parameter("replans", 2, "new plans after an execution that went wrong", 0, 1000)
@@ -244,18 +247,23 @@ class Supervisor(HmapNode):
         job.plans += 1
         began, cpu = time.monotonic(), time.thread_time()
         seed = int(job.goal.seed) + job.plans - 1
-        options = {
+        limits = {
             "time_limit": limit,
             "progress": lambda p: self._show_planning(job, p),
-            "canceled": lambda: self._canceled(job),
-            "clouds": self._scene_monitor.clouds(),
+            "cancel": lambda: self._canceled(job),
         }
-        if old is None:
-            backend = RosBackend(self._caller(job))
-            plan, kept = planner.plan(scene, state=state, seed=seed, backend=backend, **options), {}
-        else:  # in this process, as every moment counts
-            with self.undisturbed(UNDISTURBED):
-                plan, kept = plan_anew(*old, scene, state, seed, **options)
+        clouds = self._scene_monitor.clouds()
+        try:
+            if old is None:
+                method = self._method(job, clouds)
+                plan, kept = method.plan(scene, state, seed, **limits), {}
+            else:  # in this process, as every moment counts
+                with self.undisturbed(UNDISTURBED):
+                    plan, kept = plan_anew(*old, scene, state, seed, HmapPlanner(clouds=clouds), **limits)
+        except HmapError as error:
+            if error.search is not None:
+                job.result.statistics = statistics_to_messages({"search": error.search})
+            raise
         if self._canceled(job):
             raise PlannerError("canceled", Code.CANCELED)
         ended = time.monotonic()
@@ -281,6 +289,13 @@ class Supervisor(HmapNode):
         self._plan_topic.publish(job.result.plan)
         self._markers.publish(markers_of(plan, stamp, FRAME))
         return plan
+
+    def _method(self, job: Job, clouds: dict[str, Cloud]) -> ManipulationPlanner:
+        """The planner that the parameter names; H-MaP's phases are done by the other nodes."""
+        method = plugins.create(plugins.PLANNERS, self._planner)
+        if isinstance(method, HmapPlanner):
+            return replace(method, components=remote_components(self._caller(job)), clouds=clouds)
+        return method
 
     def _show_planning(self, job: Job, p: planner.Progress) -> None:
         phase = PlannerStatus.CHECKING if p.phase == PlannerStatus.DONE else p.phase  # planned, but not yet executed

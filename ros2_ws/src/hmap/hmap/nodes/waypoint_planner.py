@@ -9,7 +9,7 @@ from hmap.conversions import known_object
 from hmap.node import HmapNode, run
 from hmap.phase_conversions import path_to_response
 from hmap.requests import scene_and_state, time_limit
-from hmap_core.planner import LocalBackend
+from hmap_core.planner import ObjectPathQuery, plugins
 from hmap_core.waypoints import NoObjectPath
 from hmap_msgs.srv import PlanWaypoints
 from hmap_msgs_py.errors import error_to_message
@@ -22,7 +22,8 @@ class WaypointPlanner(HmapNode):
     def __init__(self):
         super().__init__("waypoint_planner")
         self._time_limit = self.parameter("time_limit", 10.0, "s, of a request that names none", 0.01, 3600.0)
-        self._backend = LocalBackend()
+        name = self.parameter("object_path_planner", "hmap", "plans the paths; see `hmap plugins`")
+        self._planner = plugins.create(plugins.OBJECT_PATH_PLANNERS, name)
         self.serve(PlanWaypoints, "plan_waypoints", self._plan)
 
     def _plan(self, request: PlanWaypoints.Request, response: PlanWaypoints.Response) -> None:
@@ -32,7 +33,7 @@ class WaypointPlanner(HmapNode):
         limit = time_limit(request, self._time_limit)
         checks = float(request.checks or np.inf)
         try:
-            path = self._backend.plan_waypoints(scene, state, name, goal, int(request.seed), limit, checks)
+            path = self._planner.plan_path(ObjectPathQuery(scene, state, goal, int(request.seed), limit, checks))
         except NoObjectPath as error:
             response.error = error_to_message(error)
             response.blocking = list(error.blockers)

@@ -1,4 +1,4 @@
-"""Simulated depth cameras: the topics of realsense2_camera, and an instance mask."""
+"""Simulated depth cameras: the topics of realsense2_camera, and an image of which pixel shows which body."""
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -25,15 +25,7 @@ TOPICS = {
 
 
 class CameraPublisher:
-    """Publishes the pictures of one camera.
-
-    The topics are latched: pictures are rare, and a late subscriber needs one.
-
-    Args:
-        node: the node that publishes.
-        camera: the camera.
-        namespace: of the topics.
-    """
+    """Publishes the pictures of one camera. Latched: pictures are few, and who comes late needs one."""
 
     def __init__(self, node: HmapNode, camera: Camera, namespace: str):
         self.camera = camera
@@ -44,7 +36,7 @@ class CameraPublisher:
         self._node = node
 
     def publish(self, image: CameraImage, stamp: Time) -> None:
-        """Publish one picture."""
+        """Publish what the camera sees."""
         depth = np.nan_to_num(image.depth / DEPTH_UNIT, nan=NO_DEPTH).round().clip(0, 65535).astype(np.uint16)
         pictures = {"color": (image.color, "rgb8"), "depth": (depth, "16UC1"), "mask": (image.mask, "16UC1")}
         info = self._info(stamp)
@@ -57,7 +49,7 @@ class CameraPublisher:
         self._publishers["depth_info"].publish(info)
 
     def destroy(self) -> None:
-        """Remove the topics."""
+        """Take the topics away."""
         for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
 

@@ -12,7 +12,7 @@ from types import ModuleType
 from hmap_core.exceptions import HmapError, InputError
 
 ENTRY_POINTS = "hmap.commands"  # group of other packages' modules with HELP, add_arguments and run
-BUILT_IN = {name: f"hmap_core.cli.{name}" for name in ("tasks", "plan", "check", "execute", "bench")}
+BUILT_IN = {name: f"hmap_core.cli.{name}" for name in ("tasks", "plan", "check", "execute", "bench", "plugins")}
 YES, NO, BAD_INPUT = 0, 1, 2  # exit codes
 
 

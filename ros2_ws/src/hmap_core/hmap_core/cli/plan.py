@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hmap_core.cli.main import positive, seed_argument
 from hmap_core.cli.progress import ProgressLine
-from hmap_core.exceptions import InputError
+from hmap_core.exceptions import HmapError, InputError
 
 HELP = "plan a task, let the judge check the plan, and write it to a file"
 DEFAULT_TIME_LIMIT = 60.0  # s
@@ -19,6 +19,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     limit = f"for planning ({DEFAULT_TIME_LIMIT:g})"
     parser.add_argument("--time-limit", type=positive, default=DEFAULT_TIME_LIMIT, metavar="SECONDS", help=limit)
     parser.add_argument("--picture", type=Path, metavar="PNG", help="draw the plan, too")
+    parts_arguments(parser)
+    parser.add_argument("--explain", action="store_true", help="print what was tried, and why it failed, as a tree")
+
+
+def parts_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options that choose parts of the planner by name."""
+    listed = "`hmap plugins` lists them"
+    parser.add_argument("--planner", default="hmap", metavar="NAME", help=f"the method (hmap); {listed}")
+    text = f"plans the path of the object (hmap, the search of H-MaP); {listed}"
+    parser.add_argument("--object-path", metavar="NAME", help=text)
+    text = f"proposes contacts before they are sampled (sampled); {listed}"
+    parser.add_argument("--proposer", metavar="NAME", help=text)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -32,18 +44,38 @@ def run(arguments: argparse.Namespace) -> int:
         line.show("starting", "loading the planner")
         from hmap_core import plan_file, planner  # slower still, and not needed to refuse a task
 
-        plan = planner.plan(
-            scene,
-            seed=arguments.seed,
-            time_limit=arguments.time_limit,
-            progress=lambda p: line.planning(p.phase, p.waypoint, p.waypoints, p.attempt, p.text),
-        )
+        try:
+            plan = planner.plan(
+                scene,
+                seed=arguments.seed,
+                time_limit=arguments.time_limit,
+                planner=arguments.planner,
+                object_path=arguments.object_path,
+                proposer=arguments.proposer,
+                progress=lambda p: line.planning(p.phase, p.waypoint, p.waypoints, p.attempt, p.text),
+            )
+        except HmapError as error:
+            if arguments.explain and error.search is not None:
+                line.clear()
+                explain(error.search)
+            raise
         plan_file.save(plan, out)
         if arguments.picture:
             line.show("drawing")
             draw(plan, arguments.picture)
+    if arguments.explain and "search" in plan.stats:
+        explain(plan.stats["search"])
     print_summary(plan, out, arguments.picture)
     return 0
+
+
+def explain(search: dict) -> None:
+    """Print a search tree (:mod:`hmap_core.planner.search_tree`)."""
+    from hmap_core.planner.search_tree import Attempt
+
+    for text in Attempt.from_dict(search).lines():
+        print(text)
+    sys.stdout.flush()
 
 
 def check_writable(path: Path) -> None:

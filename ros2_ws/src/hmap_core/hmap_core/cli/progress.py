@@ -28,6 +28,10 @@ class ProgressLine:
         return self
 
     def __exit__(self, *_) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Leave a terminal clean for what is printed next."""
         if self._terminal and self._shown:
             self._stream.write("\r\033[K")
             self._stream.flush()

@@ -5,7 +5,7 @@ import numpy as np
 from hmap_core import planner
 from hmap_core.execution.attached_tool import AttachedTool
 from hmap_core.execution.closed_loop import Replanner
-from hmap_core.planner.tools import grip_of
+from hmap_core.planner.tools import tool_grasp_of
 from hmap_core.types import Plan, Scene, SceneState
 
 
@@ -24,7 +24,7 @@ def replanner(scene: Scene, seed: int, time_limit: float) -> Replanner:
 
     def replan(state: SceneState, attempt: int, tools: tuple[AttachedTool, ...]) -> Plan:
         own = int(np.random.SeedSequence((seed, attempt)).generate_state(1)[0])
-        grip = grip_of(tools[0]) if tools else None
-        return planner.plan(scene, state, seed=own, time_limit=time_limit, grip=grip)
+        tool_grasp = tool_grasp_of(tools[0]) if tools else None
+        return planner.plan(scene, state, seed=own, time_limit=time_limit, tool_grasp=tool_grasp)
 
     return replan

@@ -1,9 +1,9 @@
-"""Paths of an object that a hand can follow: sought for the object and the hand that holds it, as one rigid body.
+"""Paths of an object that a hand can follow: planned for the object and the hand that holds it as one rigid body.
 
-H-MaP plans the path of the object alone, and then finds hands that follow it. Where the way is narrow for the hand, and
-not for the object, none may be found however often that is repeated. Then one begins at the other end:
-with a contact that can be made at the start and left at the goal, whose hand goes with the object through the same
-search (Algorithm 2).
+H-MaP plans the path of the object alone, and then finds hands that follow it. If the way is narrow for the hand but not
+for the object, none may be found, however often that is repeated. Then the order is reversed: a contact that can be
+made at the start and released at the goal comes first, and its hand goes with the object through the same search
+(Algorithm 2).
 """
 
 from collections.abc import Iterable, Iterator
@@ -14,7 +14,8 @@ import numpy as np
 from hmap_core.exceptions import InputError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.shapes import box_round
-from hmap_core.planner.interfaces import AttachedPath, Backend
+from hmap_core.planner.interfaces import AttachedPath
+from hmap_core.planner.protocols import ObjectPathPlanner, ObjectPathQuery
 from hmap_core.types import Body, ContactPoint, Goal, Robot, Scene, SceneState
 from hmap_core.waypoints import NoObjectPath
 
@@ -22,14 +23,14 @@ CHECKS = 2000  # motions for one of them, unless told; those that are found take
 
 
 def with_hand(body: Body, robot: Robot, contact: ContactPoint) -> Body:
-    """A body and what hangs on the last joint of the robot in contact with it, as one: every link a box round it."""
+    """The body with the links after the last joint of the robot in contact with it, each as a box around the link."""
     hulls = load_arm(robot.model).hand(contact.opening)
     shapes = [box_round(points, radius, contact.T_obj_ee) for points, radius in hulls]
     return replace(body, shapes=(*body.shapes, *shapes))
 
 
 def attached_paths(
-    backend: Backend,
+    planner: ObjectPathPlanner,
     scene: Scene,
     state: SceneState,
     goal: Goal,
@@ -38,9 +39,16 @@ def attached_paths(
     time_limit: float,
     checks: int = CHECKS,
 ) -> Iterator[AttachedPath]:
-    """Paths of the goal's object to it with each of some hands (robot, contact) in turn, where there is one.
+    """Yield paths of an object to its goal, one for each hand with which there is one.
 
-    The search for each ends after ``checks`` motions.
+    Args:
+        planner: plans the path of the object with the hand attached.
+        scene, state: the world, and where everything is.
+        goal: the object and its goal pose.
+        hands: names of robots with their contacts on the object.
+        rng: the only source of randomness.
+        time_limit: seconds for each path.
+        checks: largest number of motions whose validity is checked for each path.
     """
     motion = "spatial" if scene.motion == "auto" else scene.motion  # what is held can be lifted
     object, body = goal.object, scene.bodies[goal.object]
@@ -49,7 +57,8 @@ def attached_paths(
         around = replace(scene, motion=motion, bodies=scene.bodies | {object: joined})
         seed = int(rng.integers(2**31 - 1))
         try:
-            poses = backend.plan_waypoints(around, state, object, goal, seed, time_limit, checks).poses
+            query = ObjectPathQuery(around, state, goal, seed, time_limit, checks)
+            poses = planner.plan_path(query).poses
             yield AttachedPath(object, poses, robot, contact)
         except NoObjectPath as error:
             if error.free_without and error.path_without is not None:

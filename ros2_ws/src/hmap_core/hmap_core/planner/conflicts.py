@@ -15,6 +15,7 @@ from hmap_core.kinematics.model import KinematicModel, PlacedArm
 from hmap_core.komo.min_distances import ROBOT_CLEARANCE
 from hmap_core.komo.path_collisions import path_violations
 from hmap_core.komo.shapes import body_set
+from hmap_core.planner.resampling import by_length, pose_steps
 from hmap_core.types import Body, BodyKind, Plan, Robot
 from hmap_core.waypoints.checker import ObstacleShapes
 from hmap_core.waypoints.kernels import clearances
@@ -86,7 +87,7 @@ def first_conflict(
 def _robot_conflict(plan: Plan, robot: Robot, bodies: Mapping[str, Body], rows: np.ndarray) -> Conflict | None:
     kinematics = KinematicModel([PlacedArm(robot.name, load_arm(robot.model), robot.base_pose)])
     q = plan.trajectory.joints[robot.name][rows]
-    kept = _spread(np.concatenate([[0.0], np.abs(np.diff(q, axis=0)) @ kinematics.chain.reach]), STEP)
+    kept = by_length(np.concatenate([[0.0], np.abs(np.diff(q, axis=0)) @ kinematics.chain.reach]), STEP)
     opening = plan.trajectory.gripper.get(robot.name, np.zeros(len(plan.trajectory.time)))[rows][kept]
     levels, bins = np.unique(np.round(opening / _resolution(opening)), return_inverse=True)
     model = _model(kinematics, robot.name, bodies, levels * _resolution(opening))
@@ -126,9 +127,8 @@ def _model(kinematics: KinematicModel, robot: str, bodies: Mapping[str, Body], o
 
 def _object_conflict(plan: Plan, name: str, bodies: Mapping[str, Body], rows: np.ndarray) -> Conflict | None:
     poses = plan.trajectory.objects[name][rows]
-    moved = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1) / OBJECT_STEP
-    dots = np.abs(np.einsum("ij,ij->i", poses[1:, 3:], poses[:-1, 3:])).clip(0.0, 1.0)
-    kept = _spread(np.concatenate([[0.0], moved + 2.0 * np.arccos(dots) / OBJECT_TURN]), 1.0)
+    moved, turned = pose_steps(poses, OBJECT_STEP, OBJECT_TURN)
+    kept = by_length(np.concatenate([[0.0], moved + turned]))
     own = body_set(plan.scene.bodies[name])
     for body in bodies.values():
         free = object_clearances(own, poses[kept], body)
@@ -144,10 +144,3 @@ def object_clearances(own, poses: np.ndarray, body: Body, cap: float = 0.1) -> n
     around = ObstacleShapes.of((body,))
     arrays = own.vertices, own.start, own.radius, own.center, own.bound
     return clearances(np.ascontiguousarray(poses), *arrays, *around.arrays, np.ones(len(around.radius), bool), cap)
-
-
-def _spread(moved: np.ndarray, step: float) -> np.ndarray:
-    """Indices of samples at most about ``step`` apart, the first and last among them, by what each moves (M,)."""
-    way = np.cumsum(moved) / step
-    kept = np.flatnonzero(np.diff(np.floor(way), prepend=-1.0) > 0.0)
-    return np.unique(np.concatenate([[0], kept, [len(moved) - 1]]))

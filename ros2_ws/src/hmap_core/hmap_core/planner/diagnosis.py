@@ -10,8 +10,10 @@ from hmap_core.contacts.feasibility import stretches
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.manipulation import Manipulation, free_opening, retreated
 from hmap_core.komo.shapes import body_set
-from hmap_core.planner.local import LocalBackend, placed_bodies
 from hmap_core.planner.obstruction import LIFT
+from hmap_core.planner.protocols import ContactQuery
+from hmap_core.planner.sampled_contacts import SampledContacts
+from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.transforms import multiply
 from hmap_core.types import ContactPoint, Robot, Scene, SceneState
 from hmap_core.waypoints import stable_poses
@@ -34,8 +36,8 @@ def why_no_contact(scene: Scene, state: SceneState, object: str, T: np.ndarray, 
 
 def _of_robot(scene: Scene, state: SceneState, object: str, robot: str, around, rng: np.random.Generator) -> str:
     T = state.poses[object]
-    batches = LocalBackend().candidates(scene, state, object, T[None], robot, rng)
-    contacts = [contact for batch in islice(batches, BATCHES) for contact in batch]
+    batches = SampledContacts().propose(ContactQuery(scene, state, object, T[None], robot, rng))
+    contacts = [contact for batch in islice(batches, BATCHES) for contact in batch.contacts]
     if not contacts:
         return f"'{robot}' finds nothing on it that it could grip or push"
     fates: Counter[str] = Counter()

@@ -1,14 +1,11 @@
-"""What Algorithm 1 asks of the parts below it: called directly by ``hmap plan``, over services by the supervisor."""
+"""Data that the parts of the planner pass to each other."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from hmap_core.contacts.camera import Cloud
-from hmap_core.types import ContactPoint, Goal, Scene, SceneState, Segment, Trajectory
-from hmap_core.waypoints import ObjectPath
+from hmap_core.types import ContactPoint, Segment, Trajectory
 
 
 @dataclass(frozen=True)
@@ -95,91 +92,3 @@ class Progress:
 
 
 ProgressCallback = Callable[[Progress], None]
-
-
-class Backend(Protocol):
-    """The three phases of H-MaP. Each raises the HmapError of its stage, with the reason."""
-
-    def plan_waypoints(
-        self,
-        scene: Scene,
-        state: SceneState,
-        object: str,
-        goal: Goal,
-        seed: int,
-        time_limit: float,
-        checks: float = np.inf,
-    ) -> ObjectPath:
-        """Algorithm 2, in which trees check at most ``checks`` motions. Raises WaypointError or InputError."""
-        ...
-
-    def propose_contacts(
-        self,
-        scene: Scene,
-        state: SceneState,
-        object: str,
-        object_poses: np.ndarray,
-        robots: Sequence[str],
-        cloud: Cloud | None,
-        count: int,
-        seed: int,
-        time_limit: float,
-    ) -> list[RobotContact]:
-        """Algorithm 3: at most ``count`` contacts for carrying the object along object_poses (M, 7), farthest first.
-
-        ``cloud`` is what a camera has seen of the object (object frame), if anything. Raises ContactError when none is
-        feasible.
-        """
-        ...
-
-    def check_contacts(
-        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, robot: str,
-        contacts: Sequence[ContactPoint], rng: np.random.Generator, beyond: int = -1,
-    ) -> list[RobotContact]:  # fmt: skip
-        """The feasible ones of a robot's contacts, that serve past the pose ``beyond`` of object_poses (M, 7)."""
-        ...
-
-    def candidates(
-        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, robot: str,
-        rng: np.random.Generator, cloud: Cloud | None = None,
-    ) -> Iterator[list[ContactPoint]]:  # fmt: skip
-        """Batches of contacts on an object for the way along object_poses (M, 7), of which nothing was asked yet."""
-        ...
-
-    def promising_contacts(
-        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, robot: str,
-        contacts: Sequence[ContactPoint], beyond: int = -1,
-    ) -> list[ContactPoint]:  # fmt: skip
-        """Those of a robot's contacts in which the hand alone could go past the pose ``beyond`` of object_poses."""
-        ...
-
-    def contacts_at_both_ends(
-        self, scene: Scene, state: SceneState, object: str, T_goal: np.ndarray, robot: str, count: int, seed: int
-    ) -> list[ContactPoint]:
-        """At most ``count`` contacts that can be made where the object stands, and left with it at T_goal (7,)."""
-        ...
-
-    def solve_segment(
-        self, scene: Scene, state: SceneState, object: str, contact: RobotContact, object_poses: np.ndarray, seed: int,
-        time_limit: float,
-    ) -> SubTrajectory:  # fmt: skip
-        """KOMO from the present state to the last of object_poses (K, 7) in this contact. Raises MotionError."""
-        ...
-
-    def tool_grasps(
-        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, seed: int, time_limit: float
-    ) -> list[tuple[ToolGrasp, int]]:
-        """Holds on tools with which the object may be moved along object_poses (M, 7), and how far at best."""
-        ...
-
-    def pick_tool(
-        self, scene: Scene, state: SceneState, grip: ToolGrasp, seed: int, time_limit: float
-    ) -> SubTrajectory:
-        """The motion in which a robot takes a tool and keeps it. Raises MotionError."""
-        ...
-
-    def place_tool(
-        self, scene: Scene, state: SceneState, grip: ToolGrasp, seed: int, time_limit: float
-    ) -> SubTrajectory:
-        """The motion in which it puts the tool back where it took it. Raises MotionError."""
-        ...

@@ -7,9 +7,9 @@ from hmap_core.contacts.feasibility import drawn_back_path, ik_problem
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.manipulation import GRASP_RETREAT, Manipulation, Phase, free_opening
 from hmap_core.planner.conflicts import Conflict
-from hmap_core.planner.local import placed_bodies
 from hmap_core.planner.planned_contacts import PlannedContact, contact_of, planned_contacts
 from hmap_core.planner.segments import FREE_ACCELERATION, FREE_SPEED, HOLD_ACCELERATION, HOLD_SPEED, SAMPLE_PERIOD
+from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.trajectory.samples import index_at, state_at
 from hmap_core.trajectory.timing import time_parameterise
 from hmap_core.types import JointTrajectory, Plan, Scene, SceneState

@@ -1,14 +1,14 @@
 """Which bodies are in the way of a hand, or stand on another one."""
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from hmap_core.collision.convex import set_distance
 from hmap_core.komo.shapes import body_set
-from hmap_core.planner.interfaces import RobotContact, SubTrajectory, ToolGrasp
-from hmap_core.planner.local import placed_bodies
+from hmap_core.planner.interfaces import SubTrajectory
+from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.planner.sweep import Sweep, motion_sweeps, nearest, placed
 from hmap_core.types import BodyKind, Scene, SceneState
 from hmap_core.waypoints import stable_poses
@@ -67,24 +67,3 @@ def carried_by(scene: Scene, state: SceneState, name: str) -> tuple[str, ...]:
         if stable_poses(body, poses, around)[1] and not stable_poses(body, poses, left)[1]:
             found.append(other)
     return tuple(found)
-
-
-@dataclass(frozen=True)
-class RelaxedSolution:
-    """How a waypoint could be left if removable bodies were gone.
-
-    Attributes:
-        contact: with which; None where it takes a tool.
-        grip: on the tool.
-        in_the_way: bodies that the motion hits.
-        ways: where the object and the robot pass.
-    """
-
-    contact: RobotContact | None
-    grip: ToolGrasp | None
-    in_the_way: tuple[str, ...]
-    ways: tuple[Sweep, ...]
-
-    def more_than(self, names: Sequence[str]) -> list[str]:
-        """Some bodies, and then what else is in the way."""
-        return [*names, *(name for name in self.in_the_way if name not in names)]

@@ -10,7 +10,7 @@ from hmap_core.collision.convex import ConvexSet, transformed
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.shapes import body_set
 from hmap_core.komo.surroundings import robot_set
-from hmap_core.planner.local import placed_bodies
+from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.planner.sweep import Sweep, joined, nearest, placed
 from hmap_core.transforms import IDENTITY, apply, from_rpy, multiply, rotation_matrix
 from hmap_core.types import BodyKind, Scene, SceneState

@@ -9,6 +9,7 @@ from hmap_core.collision.convex import ConvexSet, from_hulls, sets_nearest, tran
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner.interfaces import SubTrajectory
+from hmap_core.planner.resampling import by_change
 from hmap_core.transforms import multiply_all, quaternions
 from hmap_core.types import Robot, Scene, SceneState, SegmentKind
 
@@ -69,7 +70,7 @@ def robot_sweeps(robot: Robot, q: np.ndarray, openings: np.ndarray, base: bool =
     """
     arm = load_arm(robot.model)
     moved = np.column_stack([q / JOINT_STEP, openings / OPENING_STEP])
-    keep = _spread(moved)
+    keep = by_change(moved)
     q, openings = q[keep], openings[keep]
     frames = [arm.frames(configuration) for configuration in q]
     R, p = (np.array(part) for part in zip(*frames, strict=True))
@@ -85,16 +86,6 @@ def robot_sweeps(robot: Robot, q: np.ndarray, openings: np.ndarray, base: bool =
         for opening in np.unique(openings) if moving else ():
             sweeps.append(Sweep(_link_set(moving, opening), places[openings == opening]))
     return sweeps
-
-
-def _spread(rows: np.ndarray) -> np.ndarray:
-    """Indices of the first of rows (M, k), of those that differ by 1 from the last one taken, and of the last."""
-    keep = [0]
-    while keep[-1] < len(rows) - 1:
-        ahead = rows[keep[-1] + 1 :]
-        far = np.abs(ahead - rows[keep[-1]]).max(axis=1) >= 1.0
-        keep.append(keep[-1] + 1 + int(far.argmax() if far.any() else len(ahead) - 1))
-    return np.array(keep)
 
 
 def _link_set(hulls, opening: float) -> ConvexSet:
@@ -131,7 +122,7 @@ def motion_sweeps(scene: Scene, state: SceneState, motion: SubTrajectory, near: 
 def object_sweep(scene: Scene, name: str, poses: np.ndarray) -> Sweep:
     """A body along poses (M, 7) that it takes one after the other."""
     turn = 2.0 * poses[:, 3:] / OBJECT_STEP[1]
-    return Sweep(body_set(scene.bodies[name]), poses[_spread(np.column_stack([poses[:, :3] / OBJECT_STEP[0], turn]))])
+    return Sweep(body_set(scene.bodies[name]), poses[by_change(np.column_stack([poses[:, :3] / OBJECT_STEP[0], turn]))])
 
 
 def _near(robot: Robot, q: np.ndarray, motion: SubTrajectory, name: str, near: float) -> np.ndarray:

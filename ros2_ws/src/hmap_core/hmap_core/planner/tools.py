@@ -1,8 +1,4 @@
-"""Tools: which body a robot takes in its hand to move an object with, and where it holds it.
-
-Chosen from geometry alone: every body of kind ``tool``, every robot, holds spread over the tool; one is worth how far
-hand, tool and object could go along the object's path, which is asked without any inverse kinematics.
-"""
+"""Tools in the hands of robots: scenes and states with a tool attached or placed."""
 
 import numpy as np
 
@@ -14,43 +10,43 @@ from hmap_core.planner.segments import attach_body
 from hmap_core.transforms import apply, inverse, multiply, rotation_matrix
 from hmap_core.types import BodyKind, ContactKind, ContactPoint, Scene, SceneState
 
-TURN_LENGTH = 0.1  # m that count as much as a turn of the hand by 1 rad, when holds are spread over a tool
+TURN_LENGTH = 0.1  # m that count as much as a turn of the hand by 1 rad in the distance between two contacts
 
 
-def attach_tool(scene: Scene, grip: ToolGrasp) -> Scene:
-    """The scene in which the robot holds the tool."""
-    return attach_body(scene, grip.robot, grip.tool, grip.contact.contact, grip.T_place)
+def attach_tool(scene: Scene, grasp: ToolGrasp) -> Scene:
+    """The scene in which the tool is part of the robot's hand."""
+    return attach_body(scene, grasp.robot, grasp.tool, grasp.contact.contact, grasp.T_place)
 
 
-def grip_of(held: AttachedTool) -> ToolGrasp:
-    """The grip on a tool that is in a robot's hand, taken along the end-effector's z axis."""
-    T = held.contact_pose
+def tool_grasp_of(attached: AttachedTool) -> ToolGrasp:
+    """The grasp on a tool that a robot holds; its approach is the z axis of the end-effector."""
+    T = attached.contact_pose
     approach = np.array([0.0, 0.0, 1.0])
-    contact = ContactPoint(ContactKind.GRASP, T, T[:3], -rotation_matrix(T)[:, 2], held.opening, approach)
-    return ToolGrasp(held.tool, RobotContact(held.robot, contact, 0, held.q_place[None]), held.T_place)
+    contact = ContactPoint(ContactKind.GRASP, T, T[:3], -rotation_matrix(T)[:, 2], attached.opening, approach)
+    return ToolGrasp(attached.tool, RobotContact(attached.robot, contact, 0, attached.q_place[None]), attached.T_place)
 
 
-def with_tool_attached(scene: Scene, state: SceneState, grip: ToolGrasp) -> SceneState:
-    """The state with the tool exactly where the grip holds it."""
-    placed, contact = scene.robots[grip.robot], grip.contact.contact
-    T_world_ee = multiply(placed.base_pose, load_arm(placed.model).end_effector(state.q[grip.robot]))
-    held = state.copy()
-    held.poses[grip.tool] = multiply(T_world_ee, inverse(contact.T_obj_ee))
-    held.gripper[grip.robot] = contact.opening
-    return held
+def with_tool_attached(scene: Scene, state: SceneState, grasp: ToolGrasp) -> SceneState:
+    """The state with the tool exactly at the pose in which the grasp holds it."""
+    placed, contact = scene.robots[grasp.robot], grasp.contact.contact
+    T_world_ee = multiply(placed.base_pose, load_arm(placed.model).end_effector(state.q[grasp.robot]))
+    exact = state.copy()
+    exact.poses[grasp.tool] = multiply(T_world_ee, inverse(contact.T_obj_ee))
+    exact.gripper[grasp.robot] = contact.opening
+    return exact
 
 
-def with_tool_placed(state: SceneState, grip: ToolGrasp | None) -> SceneState:
-    """The state in which a tool stands again where it was taken; the same where there is no grip."""
-    if grip is None:
+def with_tool_placed(state: SceneState, grasp: ToolGrasp | None) -> SceneState:
+    """The state in which the tool stands where it was picked; the same state where there is no grasp."""
+    if grasp is None:
         return state
     back = state.copy()
-    back.poses[grip.tool] = grip.T_place
+    back.poses[grasp.tool] = grasp.T_place
     return back
 
 
 def tools_of(scene: Scene, object: str) -> list[str]:
-    """Names of the bodies that may be taken to move an object with."""
+    """Names of the tools with which an object may be moved."""
     return [name for name, body in scene.bodies.items() if body.kind == BodyKind.TOOL and name != object]
 
 
@@ -71,7 +67,7 @@ def extent(scene: Scene, name: str) -> float:
     return float((np.linalg.norm(shapes.center, axis=1) + shapes.bound).max())
 
 
-def spread(contacts: list[ContactPoint], count: int) -> list[int]:
+def farthest_points(contacts: list[ContactPoint], count: int) -> list[int]:
     """Indices of up to ``count`` contacts that are far from each other, the first of them first."""
     if not contacts:
         return []

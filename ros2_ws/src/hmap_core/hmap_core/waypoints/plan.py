@@ -7,7 +7,7 @@ from hmap_core.waypoints.blocking import Removal, fewest_removals
 from hmap_core.waypoints.checker import check_ends, planar_projection
 from hmap_core.waypoints.problem import NoObjectPath, ObjectPath, ObjectPathProblem
 from hmap_core.waypoints.resample import chord_step, consistent, cut, resample
-from hmap_core.waypoints.search import Corners, MotionSpace, ObjectSearch, SpaceFactory
+from hmap_core.waypoints.search import Corners, ObjectSearch
 from hmap_core.waypoints.search_budget import SearchBudget
 from hmap_core.waypoints.shorten import smooth
 
@@ -23,7 +23,6 @@ def plan_waypoints(
     rng: np.random.Generator,
     time_limit_s: float = DEFAULT_TIME_LIMIT,
     checks: float = np.inf,
-    make_space: SpaceFactory = MotionSpace,
 ) -> ObjectPath:
     """Plan the path of the object and determine its waypoints.
 
@@ -32,7 +31,6 @@ def plan_waypoints(
         rng: the only source of randomness. The same state gives the same path unless the time limit ends the search.
         time_limit_s: wall-clock seconds for the whole search, including the test of which bodies block.
         checks: number of motions that the trees can check. The search ends after the same motions for the same rng.
-        make_space: makes the search in planar or spatial motion: hmap's own, or another planner's.
 
     Returns:
         The path.
@@ -45,28 +43,28 @@ def plan_waypoints(
     """
     budget = SearchBudget(time_limit_s, checks)
     needed = check_ends(problem)
-    search = ObjectSearch(problem, make_space)
+    search = ObjectSearch(problem)
     if not problem.removable:
         found = search.rounds(rng, budget)
     else:
-        found = _around_or_through(problem, search, needed, rng, budget, make_space)
+        found = _around_or_through(problem, search, needed, rng, budget)
     if found is None:
         raise _failure(search, needed)
     return _finished(problem, found, rng)
 
 
-def _around_or_through(problem, search, needed, rng, budget: SearchBudget, make_space: SpaceFactory) -> Corners | None:
+def _around_or_through(problem, search, needed, rng, budget: SearchBudget) -> Corners | None:
     """Search alternately for a path around the removable bodies and for one through them.
 
     Raises:
         NoObjectPath: a path seems to exist only if some removable bodies are removed.
     """
     found = None if needed else search.rounds(rng, budget.fraction(1.0 - REMOVAL_SHARE), ROUNDS_AROUND_REMOVABLE)
-    cleared = ObjectSearch(problem.without(problem.removable), make_space)
+    cleared = ObjectSearch(problem.without(problem.removable))
     while found is None and not cleared.infeasible and not budget.exhausted:
         through = cleared.round(rng, budget)
         if through is not None:
-            removal = fewest_removals(problem, through, needed, rng, budget, make_space)
+            removal = fewest_removals(problem, through, needed, rng, budget)
             path = _finished(problem.without(frozenset(removal.names)), removal.corners, rng)
             raise _failure(search, needed, removal, path)
         found = None if needed else search.round(rng, budget)
@@ -103,13 +101,13 @@ def _failure(
     frontier = [name for name in dict.fromkeys(frontier) if name not in straight]
     what = f"the straight way hits {_listed(straight) or 'nothing'}{leaves}"
     what += f", the search ran into {_listed(frontier)}" if frontier else ""
-    removal_note = ""
+    hint = ""
     if central.removable:
         found = f"; without {_listed(removal.names)} there is one" if removal else None
-        removal_note = found or "; none was found without the removable bodies either"
+        hint = found or "; none was found without the removable bodies either"
     kinds = " or ".join(dict.fromkeys("planar" if c.planar else "spatial" for c in search.checkers)) or "free"
     return NoObjectPath(
-        f"no {kinds} path of '{central.body.name}' to its goal was found: {what}{removal_note}",
+        f"no {kinds} path of '{central.body.name}' to its goal was found: {what}{hint}",
         tuple(straight + frontier),
         removal and removal.names,
         path,

@@ -1,5 +1,6 @@
 """What the planners' services answer reaches Algorithm 1 as it would from a direct call, failures included."""
 
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -7,16 +8,19 @@ import numpy as np
 import pytest
 
 from hmap.conversions import state_from_message, state_to_message
-from hmap.nodes.contact_proposer import ContactProposer
+from hmap.nodes.contact_proposer import ContactProposerNode
 from hmap.nodes.komo_optimiser import KomoOptimiser
 from hmap.nodes.waypoint_planner import WaypointPlanner
 from hmap.phase_conversions import path_to_response
-from hmap.remote_backend import RosBackend
+from hmap.remote_components import MAX_SEED, RosContactChecker, RosObjectPathPlanner, remote_components
 from hmap.requests import error_from_message
-from hmap_core.contacts.feasibility import MAX_SOLVED
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.plan_file import to_dict
-from hmap_core.planner import LocalBackend, plan
+from hmap_core.planner import ContactQuery, ObjectPathQuery, plan
+from hmap_core.planner.components import proposers
+from hmap_core.planner.contact_checker import LocalContactChecker
+from hmap_core.planner.komo_segments import KomoSegmentPlanner
+from hmap_core.planner.object_path import BidirectionalSearch
 from hmap_core.planner.segments import attach_body
 from hmap_core.scenes import load_scene
 from hmap_core.transforms import multiply, pose
@@ -64,7 +68,9 @@ class Answering:
 def asked(response) -> NoObjectPath:
     scene = load_scene("tunnel", 0)
     with pytest.raises(NoObjectPath) as error:
-        RosBackend(Answering(response)).plan_waypoints(scene, scene.start_state(), "bar", scene.goal, 0, 1.0)
+        RosObjectPathPlanner(Answering(response)).plan_path(
+            ObjectPathQuery(scene, scene.start_state(), scene.goal, 0, 1.0)
+        )
     return error.value
 
 
@@ -94,20 +100,25 @@ class Serving:
     """Stands in for the caller of services: asks what the nodes serve in this process, by messages."""
 
     def __init__(self):
-        parts = SimpleNamespace(_backend=LocalBackend(), _time_limit=LIMIT, _count=40, _remote=self)
+        checker = LocalContactChecker()
+        paths = SimpleNamespace(_planner=BidirectionalSearch(), _time_limit=LIMIT)
+        contacts = SimpleNamespace(_proposers=proposers(None), _checker=checker, _time_limit=LIMIT, _count=40)
+        motions = SimpleNamespace(_checker=checker, _segments=KomoSegmentPlanner(), _time_limit=LIMIT)
         self._handlers = {
-            "plan_waypoints": partial(WaypointPlanner._plan, parts),
-            "propose_contacts": partial(ContactProposer._propose, parts),
-            "check_contacts": partial(KomoOptimiser._check, parts),
-            "solve_segment": partial(KomoOptimiser._solve, parts),
+            "plan_waypoints": partial(WaypointPlanner._plan, paths),
+            "propose_contacts": partial(ContactProposerNode._propose, contacts),
+            "check_contacts": partial(KomoOptimiser._check, motions),
+            "solve_segment": partial(KomoOptimiser._solve, motions),
         }
-        self.sent: list[int] = []  # candidates in every check of contacts
+        self.called: list[str] = []
+        self.sampled = 0  # contacts checked, as the responses say
 
     def call(self, service, name, request, limit):
         response = service.Response()
-        if name == "check_contacts":
-            self.sent.append(len(request.contacts))
+        self.called.append(name)
         self._handlers[name](request, response)
+        if name == "propose_contacts":
+            self.sampled += response.sampled
         return response
 
 
@@ -117,10 +128,10 @@ def pushed_out(tmp_path_factory):
     file = tmp_path_factory.mktemp("push_out") / "push_out.yaml"
     file.write_text(PUSH_OUT)
     caller = Serving()
-    return plan(load_scene(str(file)), seed=1, backend=RosBackend(caller), time_limit=PLANNING), caller
+    return plan(load_scene(str(file)), seed=1, components=remote_components(caller), time_limit=PLANNING), caller
 
 
-def test_a_tool_is_taken_used_and_put_back_over_services(pushed_out):
+def test_a_tool_is_picked_used_and_placed_over_services(pushed_out):
     found, _ = pushed_out
     assert check(to_dict(found)).valid
     assert [s.object for s in found.segments if s.manipulator == "stick"] == ["crate"]
@@ -129,9 +140,27 @@ def test_a_tool_is_taken_used_and_put_back_over_services(pushed_out):
     np.testing.assert_allclose(way[-1], way[0], atol=1e-3)
 
 
-def test_only_contacts_that_the_hand_alone_allows_are_sent_to_be_checked(pushed_out):
+def test_contacts_are_checked_where_they_are_proposed_and_counted(pushed_out):
     _, caller = pushed_out
-    assert caller.sent and 0 < max(caller.sent) <= MAX_SOLVED
+    assert "check_contacts" not in caller.called and caller.sampled > 0
+
+
+def test_the_service_checks_as_the_local_checker_does(tmp_path):
+    """With the same seed of the inverse kinematics, and with contacts that serve too short left out."""
+    file = tmp_path / "push_out.yaml"
+    file.write_text(PUSH_OUT)
+    scene = load_scene(str(file))
+    state, poses = scene.start_state(), np.tile(scene.bodies["stick"].pose, (3, 1))
+    poses[:, 2] += [0.0, 0.01, 0.0]
+    query = ContactQuery(scene, state, "stick", poses, "arm", np.random.default_rng(0))
+    contacts = next(iter(proposers(None)[0].propose(query))).contacts
+    remote, seed = RosContactChecker(Serving()), int(np.random.default_rng(1).integers(MAX_SEED))
+    there = remote.check(replace(query, rng=np.random.default_rng(1)), contacts)
+    here = LocalContactChecker().check(replace(query, rng=np.random.default_rng(seed)), contacts)
+    assert here and [contact.reach for contact in there] == [contact.reach for contact in here]
+    for a, b in zip(there, here, strict=True):
+        np.testing.assert_allclose(a.keyframes, b.keyframes, atol=1e-9)
+    assert remote.check(query, contacts, beyond=2) == []
 
 
 def test_what_a_robot_holds_is_where_its_hand_is():
@@ -141,8 +170,8 @@ def test_what_a_robot_holds_is_where_its_hand_is():
     tool = next(name for name, body in scene.bodies.items() if body.kind is BodyKind.TOOL)
     T_tool_ee = pose((0.0, 0.0, 0.1), (1.0, 0.0, 0.0, 0.0))
     grip = ContactPoint(ContactKind.GRASP, T_tool_ee, np.zeros(3), np.eye(3)[1], 0.02, np.eye(3)[2])
-    holding = attach_body(scene, robot, tool, grip, state.poses[tool])
-    arrived = state_from_message(holding, state_to_message(holding, state))
+    attached = attach_body(scene, robot, tool, grip, state.poses[tool])
+    arrived = state_from_message(attached, state_to_message(attached, state))
     placed = scene.robots[robot]
     T_world_ee = multiply(placed.base_pose, load_arm(placed.model).end_effector(state.q[robot]))
     np.testing.assert_allclose(multiply(arrived.poses[tool], T_tool_ee), T_world_ee, atol=1e-9)

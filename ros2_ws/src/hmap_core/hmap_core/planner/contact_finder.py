@@ -1,0 +1,73 @@
+"""Algorithm 3 in this process: proposed contacts first, sampled contacts next, each batch checked at once."""
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from hmap_core.exceptions import Code, ContactError
+from hmap_core.kinematics.arm import load_arm
+from hmap_core.planner.interfaces import RobotContact
+from hmap_core.planner.protocols import ContactChecker, ContactProposer, ContactQuery, ContactSearchQuery
+from hmap_core.planner.sampled_contacts import sampled_surface
+from hmap_core.types import Scene
+
+STRETCH_WEIGHT = 0.7  # share of a contact's score that is lost when the arm is stretched out
+SCORE_WEIGHT = 0.1  # poses of the path that one point of the sampler's score counts for
+
+
+class ProposeAndCheck:
+    """Implements :class:`hmap_core.planner.protocols.ContactFinder`.
+
+    Robots are queried in the order of the query. The search stops once one contact covers the whole path; each robot
+    is queried only for contacts that reach farther than those of the robots before.
+
+    Args:
+        proposers: queried one after the other; sampled contacts come last.
+        checker: checks what they propose.
+    """
+
+    def __init__(self, proposers: Sequence[ContactProposer], checker: ContactChecker):
+        self.proposers, self.checker = tuple(proposers), checker
+
+    def find_contacts(self, query: ContactSearchQuery) -> list[RobotContact]:
+        """Return feasible contacts, the one with the highest score first.
+
+        Raises:
+            ContactError: NO_CONTACT; none is feasible.
+        """
+        deadline = time.monotonic() + query.time_limit
+        rng = np.random.default_rng(query.seed)
+        surface = sampled_surface(query.scene, query.state, query.object, query.object_poses[0], rng)
+        found: list[RobotContact] = []
+        checked = 0
+        robots = query.robots or tuple(query.scene.robots)
+        for name in robots:
+            beyond = max((contact.reach for contact in found), default=-1)
+            if beyond == len(query.object_poses) - 1:
+                break
+            own = ContactQuery(
+                query.scene, query.state, query.object, query.object_poses, name, rng, query.cloud, surface, query.count
+            )
+            for batch in (batch for proposer in self.proposers for batch in proposer.propose(own)):
+                checked += len(batch)
+                feasible = self.checker.check(own, batch.contacts, beyond)
+                found += feasible
+                if feasible or time.monotonic() > deadline:
+                    break
+        if not found:
+            raise ContactError(
+                f"none of {checked} contacts on '{query.object}' is reachable for {', '.join(robots)}", Code.NO_CONTACT
+            )
+        found.sort(key=lambda contact: -contact_score(query.scene, contact))
+        return found[: query.count or None]
+
+
+def contact_score(scene: Scene, contact: RobotContact) -> float:
+    """The score by which feasible contacts are ranked: how far they carry, less if the arm has to stretch."""
+    robot = scene.robots[contact.robot]
+    arm = load_arm(robot.model)
+    frames = [arm.frames(q) for q in contact.keyframes[[0, -1]]]
+    tips = [p[-1] + R[-1] @ arm.T_tip_ee[:3, 3] for R, p in frames]
+    stretch = max(float(np.linalg.norm(tip - arm.p_joint[0])) for tip in tips) / arm.length
+    return (contact.reach + SCORE_WEIGHT * contact.contact.score) * (1.0 - STRETCH_WEIGHT * stretch**2)

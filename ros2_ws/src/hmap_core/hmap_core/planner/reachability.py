@@ -1,0 +1,77 @@
+"""Why an object cannot be brought to its goal: whether any robot could move it along the last poses of its path."""
+
+import numpy as np
+
+from hmap_core.contacts.push_path import final_pushes
+from hmap_core.exceptions import Code, ContactError
+from hmap_core.planner.context import SearchContext
+from hmap_core.planner.diagnosis import why_no_contact
+from hmap_core.planner.goals import about_vertical
+from hmap_core.planner.obstruction import without
+from hmap_core.planner.tasks import PathTask
+from hmap_core.planner.tools import attach_tool, tools_of, with_tool_placed
+from hmap_core.types import Scene, SceneState, TaskMode
+
+GOAL_POSES = 4  # last poses of the object's path at which the goal has to be within reach
+SAMPLINGS = 2  # of contacts without success, after which the goal counts as out of reach
+TURNS = 2  # of an object that slides, in which its goal is checked, too
+LEVEL_PATH = 1e-3  # m that a path may rise if the object slides
+GRASPS_TRIED = 6  # on tools
+
+
+def check(context: SearchContext, task: PathTask) -> None:
+    """Check whether the goal of the task's object is within reach, once no contact was found along a path to it.
+
+    Raises:
+        ContactError: OUT_OF_REACH; no robot could bring the object along the last poses, whatever the way there.
+    """
+    if task.subgoal.depth > 0 or context.record.code != Code.NO_CONTACT:
+        return
+    goal, scene = task.subgoal.goal, context.scene
+    there = with_tool_placed(context.start, context.start_grasp).copy()
+    bare = without(scene, scene.removable.keys() - {goal.object})
+    failure: ContactError | None = None
+    for poses in _ways_in(context, goal.object, task.poses[-GOAL_POSES:]):
+        there.poses[goal.object] = poses[0]
+        query = context.contact_search(bare, there, goal.object, poses, scene.robots, 1)
+        try:
+            context.components.contacts.find_contacts(query)
+            return
+        except ContactError as error:
+            failure = error
+        if _tool_reaches(context, bare, there, goal.object, poses):
+            return
+    place = ", ".join(f"{v:.3f}" for v in goal.pose[:3])
+    raise ContactError(
+        f"the goal of '{goal.object}' at ({place}) is out of reach of {', '.join(scene.robots)}: "
+        f"no contact can bring it there: {why_no_contact(bare, there, goal.object, goal.pose)}",
+        Code.OUT_OF_REACH,
+    ) from failure
+
+
+def _ways_in(context: SearchContext, object: str, last_poses: np.ndarray) -> list[np.ndarray]:
+    """Last poses (M, 7) of paths to the goal: the given ones, and pushes on each side of the object, turned or not.
+
+    The directions in which it can be pushed depend on its yaw; whether hands reach the goal does not.
+    """
+    ways = [last_poses] * SAMPLINGS
+    if context.scene.mode == TaskMode.KINEMATIC or np.ptp(last_poses[:, 2]) > LEVEL_PATH:
+        return ways
+    for turn in [0.0, *context.rng.uniform(-np.pi, np.pi, TURNS)]:
+        ways += final_pushes(context.scene.bodies[object], about_vertical(last_poses[-1], turn), len(last_poses))
+    return ways
+
+
+def _tool_reaches(context: SearchContext, scene: Scene, state: SceneState, object: str, poses: np.ndarray) -> bool:
+    """Whether some tool in some hand could bring an object along poses (M, 7)."""
+    if not tools_of(scene, object):
+        return False
+    grasps = context.components.tools.tool_grasps(scene, state, object, poses, context.seed(), context.time_left())
+    for grasp, _ in grasps[:GRASPS_TRIED]:
+        query = context.contact_search(attach_tool(scene, grasp), state, object, poses, (grasp.robot,), 1)
+        try:
+            context.components.contacts.find_contacts(query)
+            return True
+        except ContactError:
+            continue
+    return False

@@ -1,0 +1,86 @@
+"""Contacts sampled on the surface of an object: the sampling half of Algorithm 3."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hmap_core.contacts.access import accessible
+from hmap_core.contacts.camera import Cloud, visible_points
+from hmap_core.contacts.candidates import Situation
+from hmap_core.contacts.grasp_torque import pad_balance, push_torque_ratio
+from hmap_core.contacts.hand import align_pads, drop_unfit_grasps, hand_of
+from hmap_core.contacts.sampler import sample_contacts
+from hmap_core.contacts.solids import solids
+from hmap_core.planner.protocols import ContactProposals, ContactQuery
+from hmap_core.types import Body, ContactPoint, Scene, SceneState, TaskMode
+
+SURFACE_POINTS = 600  # samples of the object's surface
+BATCH = 240  # contacts in a batch
+MAX_CONTACTS = 480  # proposed for one robot
+ACCESS = 0.002  # m of room before a point of the surface that an arm without fingers, or a tool, needs
+PAD_BALANCE = 0.5  # of a finger's pad on an object: the narrower side of its middle to the wider
+TURNING_SHARE = 0.7  # of the friction against turning between the fingers that weight or pushing may use
+
+
+class SampledContacts:
+    """Implements :class:`hmap_core.planner.protocols.ContactProposer`.
+
+    Batches come from the measured cloud first, then from the points of the known surface that cameras see, then from
+    the rest of that surface. Within each, contacts are ranked by the score of the sampler.
+    """
+
+    def propose(self, query: ContactQuery) -> Iterator[ContactProposals]:
+        """Yield batches of at most BATCH contacts, MAX_CONTACTS from each source."""
+        scene, placed, poses = query.scene, query.scene.robots[query.robot], query.object_poses
+        surface = query.surface
+        if surface is None:
+            surface = sampled_surface(scene, query.state, query.object, poses[0], query.rng)
+        others = _others(scene, query.state, query.object)
+        around = solids([(shape, T) for other, T in others for shape in other.shapes])
+        hand = hand_of(placed)
+        room = ACCESS if hand.gripper is None else hand.gripper.pad_half_width
+        surface = surface[accessible(surface, poses[0], around, room)]
+        ahead = poses[1] if len(poses) > 1 else None
+        situation = Situation(poses[0], ahead, placed.base_pose[:3])
+        body, total = scene.bodies[query.object], 0
+        for points in (query.cloud, surface[surface.seen], surface[~surface.seen]):
+            if points is None or not len(points):
+                continue
+            for batch in sample_contacts(body, points, hand, scene.mode, situation, query.rng, BATCH):
+                total += len(batch)
+                yield ContactProposals(tuple(self._sound(query, batch)))
+                if total >= MAX_CONTACTS:
+                    break
+
+    def _sound(self, query: ContactQuery, batch: list[ContactPoint]) -> list[ContactPoint]:
+        """The contacts whose fingers, or tool, hold on the object."""
+        scene, placed = query.scene, query.scene.robots[query.robot]
+        body, hand = scene.bodies[query.object], hand_of(placed)
+        if hand.attached is not None and scene.mode == TaskMode.PHYSICAL:
+            share = push_torque_ratio(hand.attached, placed.model.gripper, body, batch)
+            return [c for c, used in zip(batch, share, strict=True) if used <= TURNING_SHARE]
+        if hand.gripper is not None:
+            even = pad_balance(body, batch, hand.gripper)
+            batch = [c for c, share in zip(batch, even, strict=True) if share >= PAD_BALANCE]
+            return drop_unfit_grasps(body, align_pads(batch, hand.gripper), placed)
+        return batch
+
+
+def sampled_surface(scene: Scene, state: SceneState, object: str, T_world_obj: np.ndarray, rng) -> Cloud:
+    """Sample points on the known surface of an object.
+
+    Args:
+        scene, state: the world, and where everything is.
+        object: name of the object.
+        T_world_obj: (7,) its pose.
+        rng: the only source of randomness.
+
+    Returns:
+        SURFACE_POINTS points in the object's frame, with which of them the cameras of the scene see.
+    """
+    around, cameras = _others(scene, state, object), scene.cameras.values()
+    return visible_points(scene.bodies[object], T_world_obj, around, cameras, rng, SURFACE_POINTS, include_unseen=True)
+
+
+def _others(scene: Scene, state: SceneState, object: str) -> list[tuple[Body, np.ndarray]]:
+    return [(body, state.poses[name]) for name, body in scene.bodies.items() if name != object]

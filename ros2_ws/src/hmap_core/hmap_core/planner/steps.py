@@ -1,0 +1,114 @@
+"""The single steps of Algorithm 1's inner loop: find contacts, plan a motion, pick a tool, place it."""
+
+from dataclasses import dataclass, replace
+
+from hmap_core.exceptions import ContactError, MotionError
+from hmap_core.planner.context import SearchContext
+from hmap_core.planner.interfaces import RobotContact, SubTrajectory, ToolGrasp
+from hmap_core.planner.protocols import SegmentQuery, ToolQuery
+from hmap_core.planner.solution_sequence import SolutionSequence
+from hmap_core.planner.surroundings import nearest_first
+from hmap_core.planner.tasks import WaypointTask
+from hmap_core.planner.tools import attach_tool, with_tool_placed
+from hmap_core.types import Scene, SceneState
+
+TRIES_WITH_TOOL = 4  # contacts tried with one grasp on a tool
+
+
+@dataclass(frozen=True)
+class Manipulator:
+    """What touches the object: bare hands, or the tool that one robot holds.
+
+    Attributes:
+        scene: the scene; the tool is part of the hand in it.
+        state: where everything is; with bare hands all tools stand.
+        robots: names, in the order in which they are queried.
+        grasp: on the tool; None for bare hands.
+    """
+
+    scene: Scene
+    state: SceneState
+    robots: tuple[str, ...]
+    grasp: ToolGrasp | None
+
+    @staticmethod
+    def of(task: WaypointTask, grasp: ToolGrasp | None) -> "Manipulator":
+        """The bare hands of all robots, or the tool of one of them, at a waypoint."""
+        scene, state, object = task.context.scene, task.sequence.state, task.object
+        if grasp is None:
+            state = with_tool_placed(state, task.sequence.tool_grasp)
+            return Manipulator(scene, state, nearest_first(scene, object, state, tuple(scene.robots)), None)
+        return Manipulator(attach_tool(scene, grasp), state, (grasp.robot,), grasp)
+
+    def others_first(self, contacts: list[RobotContact]) -> "Manipulator":
+        """The same, with the robots of some contacts last."""
+        failed = {contact.robot for contact in contacts}
+        return replace(self, robots=tuple(sorted(self.robots, key=failed.__contains__)))
+
+
+def find_contacts(task: WaypointTask, manipulator: Manipulator, count: int) -> list[RobotContact]:
+    """Find at most ``count`` feasible contacts on the object of a waypoint; none where there are none."""
+    context, object = task.context, task.object
+    who = f"'{object}'" if manipulator.grasp is None else f"'{object}' with what {manipulator.robots[0]} holds"
+    context.report("contacts", task.at, task.total, text=f"contacts on {who}")
+    cloud = context.clouds.get(object)
+    query = context.contact_search(
+        manipulator.scene, manipulator.state, object, task.ahead, manipulator.robots, count, cloud
+    )
+    with context.record.tree.attempt(f"contacts on {who}") as node:
+        try:
+            found = context.components.contacts.find_contacts(query)
+        except ContactError as error:
+            context.record.failed(error)
+            node.fail(error.stage, error.code, error.reason)
+            return []
+        node.succeed(f"{len(found)} feasible")
+    context.record.counts["contact_proposals"] += 1
+    return found
+
+
+def plan_motion(
+    task: WaypointTask, manipulator: Manipulator, sequence: SolutionSequence, contact: RobotContact, number: int
+) -> SubTrajectory | None:
+    """Plan the motion for one contact, the ``number``-th that is tried; None where there is none."""
+    context, object = task.context, task.object
+    context.record.counts["contact_tries"] += 1
+    what = f"{contact.robot} carries '{object}' by {contact.contact.kind}"
+    context.report("motion", task.at, task.total, number, what)
+    poses = task.ahead[: contact.reach + 1]
+    query = SegmentQuery(manipulator.scene, sequence.state, object, contact, poses, context.seed(), context.time_left())
+    reach = f"{contact.reach} of {len(task.ahead) - 1} poses"
+    with context.record.tree.attempt(f"try {number}: {what}, {reach}") as node:
+        try:
+            motion = context.components.segments.plan_segment(query)
+        except MotionError as error:
+            context.record.failed(error)
+            node.fail(error.stage, error.code, error.reason)
+            return None
+        node.succeed()
+        return motion
+
+
+def pick_tool(context: SearchContext, sequence: SolutionSequence, grasp: ToolGrasp) -> SolutionSequence:
+    """The sequence after a robot has picked a tool. Raises MotionError."""
+    query = ToolQuery(context.scene, sequence.state, grasp, context.seed(), context.time_left())
+    picked = context.components.segments.plan_pick(query)
+    return replace(sequence.after(picked), tool_grasp=grasp)
+
+
+def place_tool(context: SearchContext, sequence: SolutionSequence) -> SolutionSequence | None:
+    """The sequence after a robot has placed its tool, the same where hands are free; None where it cannot be placed."""
+    grasp = sequence.tool_grasp
+    if grasp is None:
+        return sequence
+    context.report("motion", text=f"{grasp.robot} puts '{grasp.tool}' down")
+    query = ToolQuery(context.scene, sequence.state, grasp, context.seed(), context.time_left())
+    with context.record.tree.attempt(f"{grasp.robot} places '{grasp.tool}'") as node:
+        try:
+            motion = context.components.segments.plan_place(query)
+        except MotionError as error:
+            context.record.failed(error)
+            node.fail(error.stage, error.code, error.reason)
+            return None
+        node.succeed()
+    return replace(sequence.after(motion), tool_grasp=None)

@@ -1,0 +1,17 @@
+"""What Algorithm 1 tries, in its order: one strategy a file, all behind :class:`~.base.Strategy`."""
+
+from hmap_core.planner.strategies.attached_path import AttachedPathStrategy
+from hmap_core.planner.strategies.attached_tool import AttachedToolStrategy
+from hmap_core.planner.strategies.by_hand import ByHand, ByHandToTheEnd, ByHandWhereverItReaches
+from hmap_core.planner.strategies.new_tool import NewTool
+from hmap_core.planner.strategies.object_path import ObjectPathStrategy
+from hmap_core.planner.strategies.pushed_paths import PushedPaths
+from hmap_core.planner.strategies.remove_obstacles import RemoveObstacles
+from hmap_core.planner.strategies.slide_first import SlideFirst
+
+# for a path of the object, one round of the outer loop
+PATH_STRATEGIES = (ObjectPathStrategy(), AttachedPathStrategy(), SlideFirst(), PushedPaths())
+# at one waypoint, with all bodies where they are; they solve the relaxed problem, too
+CONTACT_STRATEGIES = (ByHandToTheEnd(), AttachedToolStrategy(), ByHand(), NewTool(), ByHandWhereverItReaches())
+# at one waypoint
+WAYPOINT_STRATEGIES = (*CONTACT_STRATEGIES, RemoveObstacles())

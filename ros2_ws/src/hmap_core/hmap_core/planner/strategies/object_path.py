@@ -1,0 +1,105 @@
+"""H-MaP's own order: the path of the object alone, then contacts and motions along it."""
+
+import numpy as np
+
+from hmap_core.contacts.grippable import grippable
+from hmap_core.contacts.hand import hand_of
+from hmap_core.planner.context import SearchContext
+from hmap_core.planner.goals import goal_of_round, path_scene
+from hmap_core.planner.obstruction import without
+from hmap_core.planner.outcome import Failure, Outcome, Solution
+from hmap_core.planner.protocols import ObjectPathQuery
+from hmap_core.planner.strategies.pushed_paths import push_planner
+from hmap_core.planner.strategies.remove_obstacles import clear_path
+from hmap_core.planner.tasks import PathTask
+from hmap_core.planner.tools import with_tool_placed
+from hmap_core.types import Goal, Scene, SceneState, TaskMode
+from hmap_core.waypoints import NoObjectPath, ObjectPath
+
+PATHS_AT_FIRST = 3  # object paths in the first round, as long as they lead to no contact at all
+TASK_CHECKS = 500_000  # motions checked for one path of the task's object, some 5 s
+OBSTACLE_CHECKS = 100_000  # motions checked for the path of an obstacle to one of several places
+
+
+class ObjectPathStrategy:
+    """The path of the object alone; obstacles on it are removed first."""
+
+    name = "object path"
+
+    def applies(self, task: PathTask) -> bool:
+        """Always."""
+        return True
+
+    def solve(self, search, task: PathTask) -> Outcome:
+        """Plan a path and follow it; in the first round further paths, as long as they lead to no contact.
+
+        The failure ends the round if there is no path, or if an obstacle on it cannot be removed.
+        """
+        context, seen = search.context, []
+        counts, outcome = context.record.counts, context.record.last_failure()
+        tries = counts["contact_tries"]
+        for _ in range(PATHS_AT_FIRST if task.number == 0 else 1):
+            context.report("waypoints", text=f"path of '{task.object}' {task.subgoal.reason}")
+            try:
+                task.poses, blockers = _plan(context, task)
+            except NoObjectPath as error:
+                if not seen:
+                    return Failure.of(error, ends_round=True)
+                break
+            if any(np.array_equal(task.poses, other) for other in seen):
+                continue  # the next path may differ
+            seen.append(task.poses)
+            counts["waypoint_plans"] += 1
+            outcome = self._follow(search, task, blockers)
+            if isinstance(outcome, Solution) or outcome.ends_round:
+                return outcome
+            if blockers or counts["contact_tries"] > tries:
+                break
+        return outcome
+
+    def _follow(self, search, task: PathTask, blockers: tuple[str, ...]) -> Outcome:
+        what = f", with {', '.join(blockers)} in the way" if blockers else ""
+        with search.context.record.tree.attempt(f"path of {len(task.poses)} poses{what}"):
+            task.ready = None
+            cleared = clear_path(search, task.subgoal, task.sequence, task.poses, blockers)
+            if isinstance(cleared, Failure):
+                return cleared
+            task.ready = cleared.sequence
+            return search.follow(task.subgoal, cleared.sequence, task.poses, cleared.known)
+
+
+def _plan(context: SearchContext, task: PathTask) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Poses (M, 7) of the object on a path to its goal, and the removable bodies that are in its way.
+
+    Raises:
+        NoObjectPath: there is no path, even without the removable bodies.
+    """
+    state = with_tool_placed(task.sequence.state, task.sequence.tool_grasp)
+    goal = goal_of_round(context, task, state)
+    scene = path_scene(context.scene, task)
+    checks = TASK_CHECKS if task.subgoal.depth == 0 else OBSTACLE_CHECKS
+    try:
+        poses = _object_path(context, scene, state, goal, checks).poses
+        return _pushable(context, state, task, poses), ()
+    except NoObjectPath as error:
+        if not error.free_without:
+            raise
+        blockers, path = error.free_without, error.path_without
+    if path is None:
+        path = _object_path(context, without(scene, blockers), state, goal, checks)
+    return path.poses, blockers
+
+
+def _object_path(context: SearchContext, scene: Scene, state: SceneState, goal: Goal, checks: int) -> ObjectPath:
+    query = ObjectPathQuery(scene, state, goal, context.seed(), context.time_left(), checks)
+    return context.components.object_path.plan_path(query)
+
+
+def _pushable(context: SearchContext, state: SceneState, task: PathTask, poses: np.ndarray) -> np.ndarray:
+    """A path made of pushes if no hand can grip the object; every second round the path as it is."""
+    scene, body = context.scene, context.scene.bodies[task.object]
+    hands = [hand_of(robot) for robot in scene.robots.values()]
+    if scene.mode == TaskMode.KINEMATIC or task.number % 2 or grippable(body, poses[0], hands):
+        return poses
+    pushed = push_planner(scene, state, task.object, poses).path(poses, context.rng if task.number else None)
+    return poses if pushed is None else pushed

@@ -1,0 +1,96 @@
+"""The two kinds of task that strategies solve: a round of the outer loop, and a turn of the main loop."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hmap_core.planner.contact_filters import (
+    AttachedPathContact,
+    KnownContact,
+    KnownToolGrasp,
+    NoToolGrasps,
+    covering,
+)
+from hmap_core.planner.context import SearchContext
+from hmap_core.planner.relaxed import RelaxedSolution
+from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
+
+
+@dataclass
+class PathTask:
+    """One round of the outer loop: a path has to be found and followed.
+
+    Attributes:
+        subgoal: what has to be achieved.
+        sequence: what has been done already.
+        number: of the round, from 0 on.
+        kinematic: whether contacts carry in any direction.
+        poses: (M, 7) the last path that was planned for the object alone.
+        ready: the sequence once obstacles were removed from that path; None: they could not be, or there is no path.
+    """
+
+    subgoal: Subgoal
+    sequence: SolutionSequence
+    number: int
+    kinematic: bool = False
+    poses: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
+    ready: SolutionSequence | None = None
+
+    @property
+    def object(self) -> str:
+        """Name of the object."""
+        return self.subgoal.goal.object
+
+
+@dataclass(frozen=True)
+class WaypointTask:
+    """One turn of the main loop: the object has to advance along its path.
+
+    Attributes:
+        context: the job; its components already respect the subgoal.
+        subgoal: what has to be achieved.
+        sequence: what has been done already.
+        ahead: (M, 7) the rest of the object's path, from where the object stands.
+        at: index of the present pose in the whole path.
+        total: index of the last pose of the whole path.
+    """
+
+    context: SearchContext
+    subgoal: Subgoal
+    sequence: SolutionSequence
+    ahead: np.ndarray
+    at: int
+    total: int
+
+    @staticmethod
+    def of(
+        context: SearchContext,
+        subgoal: Subgoal,
+        sequence: SolutionSequence,
+        ahead: np.ndarray,
+        at: int,
+        known: RelaxedSolution | None = None,
+    ) -> "WaypointTask":
+        """The task with the filters that its subgoal asks for, and with what is known to work."""
+        context = restricted(context, subgoal)
+        if known is not None:
+            parts = context.components
+            context = context.using(
+                contacts=KnownContact(parts.contacts, known, ahead), tools=KnownToolGrasp(parts.tools, known)
+            )
+        return WaypointTask(context, subgoal, sequence, ahead, at, at + len(ahead) - 1)
+
+    @property
+    def object(self) -> str:
+        """Name of the object."""
+        return self.subgoal.goal.object
+
+
+def restricted(context: SearchContext, subgoal: Subgoal) -> SearchContext:
+    """The job with only those contacts and tools that serve a subgoal."""
+    parts, path = context.components, subgoal.attached_path
+    if path is not None:
+        context = context.using(contacts=AttachedPathContact(parts.checker, path), tools=NoToolGrasps())
+    if subgoal.whole:
+        context = context.using(contacts=covering(context.components.contacts, subgoal.goal.object))
+    return context

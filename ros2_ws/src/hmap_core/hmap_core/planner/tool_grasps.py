@@ -1,0 +1,118 @@
+"""Which tool a robot should pick to move an object, and where it should grasp it."""
+
+import time
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from hmap_core.contacts.feasibility import reach_bounds, reachable
+from hmap_core.planner.contact_checker import cleared, least_reach, secure_grasps
+from hmap_core.planner.interfaces import RobotContact, ToolGrasp
+from hmap_core.planner.protocols import ContactProposals, ContactProposer, ContactQuery
+from hmap_core.planner.tools import attach_tool, farthest_points, tools_of, within_reach
+from hmap_core.types import Scene, SceneState
+
+TRIED = 16  # grasps on a tool for which inverse kinematics is solved
+KEPT = 8  # of them, per robot
+RANKED_FIRST = 3  # of these; the others are ranked only if the best of the first is good
+SHARE_OF_BEST = 0.5  # reach, as a share of the best, from which on a tool and robot count as good
+
+
+class ToolGraspFinder(Protocol):
+    """Finds grasps on tools."""
+
+    def tool_grasps(
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, seed: int, time_limit: float
+    ) -> list[tuple[ToolGrasp, int]]:
+        """Return grasps on tools, the best first, each with the index of the pose to which it may serve at best."""
+        ...
+
+
+class ToolGraspSearch:
+    """Implements :class:`ToolGraspFinder` from geometry: hand, tool and object are one rigid body.
+
+    Args:
+        proposer: proposes grasps on tools, and contacts of tools on the object.
+    """
+
+    def __init__(self, proposer: ContactProposer):
+        self._proposer = proposer
+
+    def tool_grasps(
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, seed: int, time_limit: float
+    ) -> list[tuple[ToolGrasp, int]]:
+        """Return grasps on tools with which the object may be moved, the farthest-reaching first.
+
+        Inverse kinematics is solved only for picking the tool. Of grasps that reach equally far, the one with the most
+        contacts that do so comes first: it leaves the most room.
+
+        Args:
+            scene, state: the world, and where everything is.
+            object: name of the object.
+            object_poses: (M, 7) poses of the object from the present one on, world frame.
+            seed: the only source of randomness.
+            time_limit: seconds of wall-clock time.
+
+        Returns:
+            Pairs of a grasp and the index of the farthest pose to which hand, tool and object may go.
+        """
+        deadline = time.monotonic() + time_limit
+        rng = np.random.default_rng(seed)
+        least = least_reach(object_poses)
+        ranked: list[tuple[ToolGrasp, int, int]] = []
+        pairs = [
+            (tool, robot)
+            for tool in tools_of(scene, object)
+            for robot in scene.robots
+            if within_reach(scene, state, robot, tool, object)
+        ]
+        grasps = [
+            [ToolGrasp(tool, contact, state.poses[tool]) for contact in self._on_tool(scene, state, tool, robot, rng)]
+            for tool, robot in pairs
+        ]
+
+        def rank(some: Sequence[ToolGrasp]) -> int:
+            best = -1
+            for grasp in some:
+                bound, count = self._bound(attach_tool(scene, grasp), state, object, object_poses, grasp.robot, rng)
+                best = max(best, bound)
+                if bound >= least:
+                    ranked.append((grasp, bound, count))
+                if time.monotonic() > deadline:
+                    break
+            return best
+
+        first = [rank(some[:RANKED_FIRST]) for some in grasps]
+        good = SHARE_OF_BEST * max(first, default=0) if ranked else -1.0
+        for some, best in zip(grasps, first, strict=True):
+            if best >= good:
+                rank(some[RANKED_FIRST:])
+        return [(grasp, bound) for grasp, bound, _ in sorted(ranked, key=lambda entry: (-entry[1], -entry[2]))]
+
+    def _on_tool(self, scene: Scene, state: SceneState, tool: str, robot: str, rng) -> list[RobotContact]:
+        """Grasps in which a robot can pick a tool where it stands, far from each other."""
+        T_tool = state.poses[tool]
+        manipulation, away = cleared(scene, state, tool, robot)
+        contacts = list(self._first_batch(ContactQuery(scene, state, tool, T_tool[None], robot, rng)).contacts)
+        if not contacts:
+            return []
+        contacts = secure_grasps(scene, tool, robot, contacts, T_tool)
+        contacts = [contacts[k] for k in np.flatnonzero(reach_bounds(manipulation, contacts, T_tool[None]) >= 0)]
+        contacts = [contacts[k] for k in farthest_points(contacts, TRIED)]
+        if not contacts:
+            return []
+        ok, q = reachable(manipulation, contacts, T_tool, rng)
+        return [RobotContact(robot, contacts[k], 0, q[k][None], away) for k in np.flatnonzero(ok)][:KEPT]
+
+    def _bound(self, scene: Scene, state: SceneState, object: str, object_poses, robot: str, rng) -> tuple[int, int]:
+        """The farthest pose to which hand, tool and object may go, with how many contacts; -1: they cannot meet."""
+        contacts = self._first_batch(ContactQuery(scene, state, object, object_poses, robot, rng)).contacts
+        if not contacts:
+            return -1, 0
+        manipulation, _ = cleared(scene, state, object, robot)
+        bounds = reach_bounds(manipulation, contacts, object_poses)
+        return int(bounds.max()), int((bounds == bounds.max()).sum())
+
+    def _first_batch(self, query: ContactQuery) -> ContactProposals:
+        return next(iter(self._proposer.propose(query)), ContactProposals(()))
