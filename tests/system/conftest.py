@@ -17,7 +17,7 @@ os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 def graph(tmp_path_factory):
     """The graph with the tunnel loaded, and a session with it."""
     from hmap.launcher.processes import Graph
-    from hmap.launcher.session import Session
+    from hmap.session import Session
 
     folder = tmp_path_factory.mktemp("graph")
     with Graph(folder / "logs") as graph, Session() as session:
@@ -32,7 +32,7 @@ def graph(tmp_path_factory):
 
 def wait_until_up(graph, session) -> None:
     until = time.monotonic() + UP_LIMIT
-    while len(up := session.up(graph.nodes)) < len(graph.nodes):
+    while len(up := session.ready(graph.nodes)) < len(graph.nodes):
         graph.check()
         assert time.monotonic() < until, f"only {up} are up"
         time.sleep(0.2)

@@ -8,20 +8,17 @@ from conftest import wait_until_up
 
 from hmap.conversions import plan_from_message
 from hmap.launcher.processes import Graph
-from hmap.launcher.session import Session
 from hmap.node import LATCHED
+from hmap.session import Session
 from hmap_core import transforms
-from hmap_core.exceptions import Code
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.planner.conflicts import first_conflict
 from hmap_core.planner.interruption import contacts
 from hmap_core.scenes import load_scene
 from hmap_core.simulation.dynamic import sphere
 from hmap_core.trajectory.samples import index_at
-from hmap_msgs.action import Manipulate
 from hmap_msgs.msg import BodyArray, Plan
-from hmap_msgs.srv import AddBody, RemoveBody, Reset
-from hmap_msgs_py.bodies import body_from_message, body_to_message
+from hmap_msgs_py.bodies import body_from_message
 
 TASK = """
 schema: 1
@@ -40,6 +37,7 @@ goal: {object: brick, pose: {xyz: [0.5, 0.2, 0.04]}}
 NODES = ("world", "komo_optimiser", "supervisor", "contact_proposer", "waypoint_planner", "perception")
 TIME_LIMIT = 240.0  # s for planning on a busy machine
 ANSWER_LIMIT = 60.0  # s for a service
+PATIENCE = 0.1  # s between two looks at whether the nodes live
 RADIUS = 0.03  # m
 AHEAD = 1.2  # s of the plan
 SPEED = 0.5  # simulated s per s, so that a busy machine sees the obstacle in time
@@ -62,18 +60,11 @@ class Case:
     def _take_new(self, message) -> None:
         self.seen |= {entry.name: body_from_message(entry) for entry in message.bodies}
 
-    def call(self, kind, name, request) -> None:
-        client = self.session.node.create_client(kind, name)
-        assert client.wait_for_service(ANSWER_LIMIT)
-        done = threading.Event()
-        future = client.call_async(request)
-        future.add_done_callback(lambda _: done.set())
-        assert done.wait(ANSWER_LIMIT)
-        assert Code(future.result().error.code) is Code.SUCCESS, future.result().error
-
-    def manipulate(self, on_status):
-        goal = Manipulate.Goal(task=self.task, time_limit=TIME_LIMIT)
-        return self.session.manipulate(goal, on_status, self.graph.check)
+    def manipulate(self, on_feedback):
+        self.session.manipulate(self.task, time_limit=TIME_LIMIT, on_feedback=on_feedback)
+        while not self.session.is_done(timeout=PATIENCE):
+            self.graph.check()
+        return self.session.result()
 
 
 @pytest.fixture(scope="module")
@@ -91,19 +82,18 @@ def case(tmp_path_factory):
 
 def run_with(case, when: str, place):
     """Execute the task, and add an obstacle when a stretch begins whose text holds ``when``; phases and the result."""
-    case.call(Reset, "reset", Reset.Request())
+    case.session.reset(ANSWER_LIMIT)
     phases, placed = [], []
 
-    def on_status(status) -> None:
-        phases.append(status.phase)
-        if status.phase == "execution" and when in status.text and not placed:
-            placed.append(place(case.plan, float(status.text.split()[0])))
-            request = AddBody.Request(body=body_to_message(placed[0]))
-            threading.Thread(target=case.call, args=(AddBody, "add_body", request)).start()
+    def on_feedback(feedback) -> None:
+        phases.append(feedback.phase)
+        if feedback.phase == "execution" and when in feedback.text and not placed:
+            placed.append(place(case.plan, float(feedback.text.split()[0])))
+            threading.Thread(target=case.session.add_body, args=(placed[0], ANSWER_LIMIT)).start()
 
-    result = case.manipulate(on_status)
+    result = case.manipulate(on_feedback)
     (body,) = placed
-    case.call(RemoveBody, "remove_body", RemoveBody.Request(name=body.name))
+    case.session.remove_body(body.name, ANSWER_LIMIT)
     assert result.success, result.error
     return phases, result, body
 
@@ -135,7 +125,7 @@ def test_an_obstacle_that_appears_on_the_way_is_seen_and_gone_round(case, when, 
     phases, result, body = run_with(case, when, place)
     assert phases.count("stopping") == 1 and "replanning" in phases
     assert phases.index("stopping") < phases.index("replanning") < phases[::-1].index("execution") + len(phases)
-    assert {entry.key: entry.value for entry in result.statistics}["blocked"] == "1"
+    assert result.statistics["blocked"] == 1
     seen = case.seen[body.name]["shapes"][0], case.seen[body.name]["pose"]
     assert seen[0]["kind"] == "sphere" and seen[0]["size"][0] == pytest.approx(RADIUS, abs=SEEN)
     assert np.linalg.norm(seen[1][:3] - body.pose[:3]) < SEEN

@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 
+from hmap.action_client import ActionClient
 from hmap_core.exceptions import Code
 from hmap_core.scenes import load_scene
 from hmap_msgs.action import Manipulate
@@ -20,31 +21,38 @@ from hmap_msgs.srv import (
     MoveBody,
     PlanWaypoints,
     ProposeContacts,
-    Reset,
     SolveSegment,
 )
 from hmap_msgs_py.poses import pose_to_message
 
 TIME_LIMIT = 240.0  # s for planning on a busy machine
 ANSWER_LIMIT = 60.0  # s for a service
+PATIENCE = 0.1  # s between two looks at whether the nodes live
 RESPAWN_LIMIT = 60.0  # s
 SHIFT = 0.03  # m; more than an object may be off in the end, less than one is lost
 STILL = 0.002  # rad that a standing arm may differ between two looks
 
 
-def manipulate(graph, on_status=lambda status: None, between=None, **fields):
-    goal = Manipulate.Goal(time_limit=TIME_LIMIT, **fields)
-    return graph.session.manipulate(goal, on_status, between or graph.check)
+def manipulate(graph, on_feedback=None, **fields):
+    """The result of a goal."""
+    graph.session.manipulate(time_limit=TIME_LIMIT, on_feedback=on_feedback, **fields)
+    while not graph.session.is_done(timeout=PATIENCE):
+        graph.check()
+    return graph.session.result()
+
+
+def answer(future):
+    """The result of a future, which something else brings about."""
+    done = threading.Event()
+    future.add_done_callback(lambda _: done.set())
+    assert done.wait(ANSWER_LIMIT), "no answer"
+    return future.result()
 
 
 def call(graph, service, name, request):
     client = graph.session.node.create_client(service, name)
     assert client.wait_for_service(ANSWER_LIMIT), f"nobody offers {name}"
-    done = threading.Event()
-    future = client.call_async(request)
-    future.add_done_callback(lambda _: done.set())
-    assert done.wait(ANSWER_LIMIT), f"{name} does not answer"
-    return future.result()
+    return answer(client.call_async(request))
 
 
 def all_alive(graph) -> bool:
@@ -92,7 +100,11 @@ GOOD_POSE = (0.5, 0.25, 0.08, 0.0, 0.0, 0.0, 1.0)
     ],
 )
 def test_a_wrong_goal_is_refused_with_its_code(graph, fields, code):
-    result = manipulate(graph, plan_only=True, **fields)
+    client = ActionClient(graph.session.node, Manipulate, "manipulate")
+    assert client.wait_for_server(ANSWER_LIMIT)
+    goal = Manipulate.Goal(plan_only=True, time_limit=TIME_LIMIT, **fields)
+    result = answer(answer(client.send_goal_async(goal)).get_result_async()).result
+    client.destroy()
     assert not result.success
     assert Code(result.error.code) is code
     assert result.error.stage == "input" and result.error.reason
@@ -156,20 +168,15 @@ def test_nonsense_on_topics_is_survived(graph):
 
 
 def test_a_cancel_stops_the_planning(graph):
-    class Enough(Exception):
-        pass
+    session = graph.session
 
-    phases = []
+    def cancel(feedback):
+        if feedback.phase == "contacts":
+            session.cancel()
 
-    def between():
-        if "contacts" in phases:
-            raise Enough
-
-    with pytest.raises(Enough):
-        manipulate(graph, lambda status: phases.append(status.phase), between, plan_only=True)
-    statuses = []
-    result = manipulate(graph, statuses.append, task="tunel")
-    assert Code(result.error.code) is Code.UNKNOWN_TASK  # the supervisor is free again
+    assert manipulate(graph, cancel, plan_only=True).error.code is Code.CANCELED
+    result = manipulate(graph, task="tunel")
+    assert result.error.code is Code.UNKNOWN_TASK  # the supervisor is free again
 
 
 @pytest.mark.slow
@@ -183,25 +190,20 @@ def test_a_killed_optimiser_comes_back_and_the_plan_is_found(graph):
     graph.wait_until_up()
     result = manipulate(graph, plan_only=True)
     assert result.success, result.error
-    assert result.plan.segments and result.plan.scene.task == load_scene("tunnel", 0).task
+    assert result.plan.segments and result.plan.scene.task == "tunnel"
     assert not result.executed
 
 
 @pytest.mark.slow
 def test_a_cancel_stops_the_motion(graph):
-    class Enough(Exception):
-        pass
-
-    labels = []
     start = np.concatenate([robot.q for robot in load_scene("tunnel", 0).robots.values()])
-
-    def between():
+    session = graph.session
+    session.manipulate(time_limit=TIME_LIMIT)
+    while np.abs(joints(graph) - start).max() <= 2.0 * STILL:  # until an arm is on its way
         graph.check()
-        if labels and np.abs(joints(graph) - start).max() > 2.0 * STILL:  # an arm is on its way
-            raise Enough
-
-    with pytest.raises(Enough):
-        manipulate(graph, lambda status: labels.append(status.text) if status.phase == "execution" else None, between)
+        assert not session.is_done(timeout=PATIENCE), session.result().error
+    session.cancel()
+    assert session.result(ANSWER_LIMIT).error.code is Code.CANCELED
     first, second = (joints(graph), time.sleep(1.0), joints(graph))[::2]
     assert np.abs(second - first).max() < STILL
     assert np.abs(first - start).max() > STILL  # it had been moving
@@ -209,28 +211,26 @@ def test_a_cancel_stops_the_motion(graph):
 
 @pytest.mark.slow
 def test_an_object_that_was_shifted_is_brought_to_its_goal_by_a_new_plan(graph):
-    assert call(graph, Reset, "reset", Reset.Request()).error.code == Code.SUCCESS
-    graph.session.forget_state()
+    graph.session.reset(ANSWER_LIMIT)
     graph.wait_until_up()
     shifted = []
 
-    def shift(status):
-        if status.phase == "execution" and not shifted:
+    def shift(feedback):
+        if feedback.phase == "execution" and not shifted:
             shifted.append(True)
             threading.Thread(target=push_aside, args=(graph,)).start()
 
     result = manipulate(graph, shift)
     assert result.success, result.error
     assert shifted and result.executed
-    assert {entry.key: entry.value for entry in result.statistics}["plans"] == "2"
+    assert result.statistics["plans"] == 2
     assert result.position_error < load_scene("tunnel", 0).execution_tolerance[0]
 
 
 def push_aside(graph) -> None:
     """Shift the bar along the tunnels, farther than it may be off at the end."""
     start = load_scene("tunnel", 0).bodies["bar"].pose
-    moved = pose_to_message(start + np.array([-SHIFT, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    assert call(graph, MoveBody, "move_body", MoveBody.Request(name="bar", pose=moved)).error.code == Code.SUCCESS
+    graph.session.move_body("bar", start + np.array([-SHIFT, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), ANSWER_LIMIT)
 
 
 def joints(graph) -> np.ndarray:

@@ -12,7 +12,8 @@ import pytest
 import rclpy
 from rclpy.context import Context
 
-from hmap.launcher.session import POLL, SERVICES
+from hmap.commands.up import POLL
+from hmap.session import SERVICES
 from hmap_core.cli import main
 
 START = 120.0  # s for a single node to be up on a busy machine

@@ -22,6 +22,7 @@ DISCOVERY = 0.5  # s to find nodes that run already
 DEFAULT_TIME_LIMIT = 120.0  # s for planning
 INPUT_CODES = range(100, 200)  # of hmap_core.exceptions.Code
 YES, NO, BAD_INPUT = 0, 1, 2  # exit codes
+NODE_NAME = "hmap_up"
 BAG, PLAN, PICTURE = "bag", "plan.json", "plan.png"  # in the folder of the run
 
 
@@ -71,11 +72,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace, folder: Path, stop: threading.Event) -> int:
-    from hmap.launcher.session import Session  # imports ROS, which a wrong task name need not wait for
+    from hmap.session import Session  # imports ROS, which a wrong task name need not wait for
 
     files = {"bag": folder / BAG}
     with ProgressLine() as line:
-        with Graph(folder / "logs") as graph, Session() as session:
+        with Graph(folder / "logs") as graph, Session(name=NODE_NAME) as session:
 
             def between() -> None:
                 graph.check()
@@ -83,7 +84,16 @@ def _run(arguments: argparse.Namespace, folder: Path, stop: threading.Event) -> 
                     raise Stopped
 
             _start(graph, session, arguments, folder, line, between)
-            result = session.manipulate(_goal(arguments), lambda status: _show(line, status), between)
+            session.manipulate(
+                arguments.task,
+                seed=arguments.seed,
+                plan_only=arguments.plan_only,
+                time_limit=arguments.time_limit,
+                on_feedback=lambda feedback: _show(line, feedback),
+            )
+            while not session.is_done(timeout=POLL):
+                between()
+            result = session.result()
             if arguments.keep:
                 files |= _save(result, folder, not arguments.no_picture, line)
                 _print(result, files)
@@ -102,7 +112,7 @@ def _start(graph: Graph, session, arguments: argparse.Namespace, folder: Path, l
     line.show("starting", "looking for nodes that run already")
     until = time.monotonic() + DISCOVERY
     while time.monotonic() < until:
-        if session.other_graph():
+        if session.ready(["supervisor"]):
             raise InputError("a graph of nodes runs here already; end it, or set another ROS_DOMAIN_ID")
         time.sleep(POLL)
     graph.start("recorder", {"path": folder / BAG})
@@ -114,7 +124,7 @@ def _start(graph: Graph, session, arguments: argparse.Namespace, folder: Path, l
     for name in ("komo_optimiser", "supervisor", "contact_proposer", "waypoint_planner", "perception"):
         graph.start(name)
     until = time.monotonic() + START_LIMIT
-    while len(up := session.up(graph.nodes)) < len(graph.nodes):
+    while len(up := session.ready(graph.nodes)) < len(graph.nodes):
         between()
         missing = [name for name in graph.nodes if name not in up]
         line.show("starting", f"{len(up)} of {len(graph.nodes)} nodes are up; waiting for {', '.join(missing)}")
@@ -131,49 +141,35 @@ def _speed(arguments: argparse.Namespace) -> float:
     return REAL_SPEED if arguments.dynamic_obstacles else QUICK_SPEED
 
 
-def _goal(arguments: argparse.Namespace):
-    from hmap_msgs.action import Manipulate
-
-    return Manipulate.Goal(
-        task=arguments.task,
-        seed=arguments.seed,
-        plan_only=arguments.plan_only,
-        time_limit=arguments.time_limit,
-    )
-
-
-def _show(line: ProgressLine, status) -> None:
-    line.planning(status.phase, status.waypoint, status.waypoint_count, status.attempt, status.text)
+def _show(line: ProgressLine, feedback) -> None:
+    line.planning(feedback.phase, feedback.waypoint, feedback.waypoints, feedback.attempt, feedback.text)
 
 
 def _save(result, folder: Path, picture: bool, line: ProgressLine) -> dict[str, Path]:
     """Write the plan and its picture; what -> where."""
-    from hmap.conversions import plan_from_message
     from hmap_core import plan_file
     from hmap_core.viz.picture import render
 
-    if not result.plan.segments:
+    if result.plan is None:
         return {}
-    plan = plan_from_message(result.plan)
     files = {"plan": folder / PLAN}
-    plan_file.save(plan, files["plan"])
+    plan_file.save(result.plan, files["plan"])
     if picture:
         line.show("drawing")
         files["picture"] = folder / PICTURE
-        render(plan, files["picture"])
+        render(result.plan, files["picture"])
     return files
 
 
 def _print(result, files: dict[str, Path]) -> None:
     """The summary, for people."""
-    from hmap.conversions import plan_from_message
     from hmap_core.viz.summary import summary
 
     print(("solved" if result.executed else "planned, not executed") if result.success else "not solved")
     if not result.success:
-        print(f"{'reason':<16}[{result.error.stage}/{Code(result.error.code).name}] {result.error.reason}")
-    if result.plan.segments:
-        lines = summary(plan_from_message(result.plan))
+        print(f"{'reason':<16}{result.error}")
+    if result.plan is not None:
+        lines = summary(result.plan)
         degrees = result.rotation_error * 180.0 / 3.141592653589793
         lines["final error"] = f"{result.position_error * 1e3:.2f} mm, {degrees:.2f} deg"
         for name, value in lines.items():

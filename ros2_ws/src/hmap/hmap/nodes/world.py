@@ -61,7 +61,7 @@ class WorldNode(HmapNode):
         self._actions: dict[str, ControllerActions] = {}
         self._poses: dict[str, object] = {}
         self._cameras: dict[str, CameraPublisher] = {}
-        self._loop = WorldLoop(_task(task, seed), speed, idle, self._publish)
+        self._loop = WorldLoop(_checked(load_scene(task, seed)), speed, idle, self._publish)
         self._offer_scene()
         self.serve(LoadScene, "load_scene", self._load)
         self.serve(Reset, "reset", lambda request, response: self._reload(self._loaded))
@@ -79,7 +79,10 @@ class WorldNode(HmapNode):
     # services
 
     def _load(self, request, response) -> None:
-        scene = scene_from_text(request.text) if request.text else _task(request.task, int(request.seed))
+        if request.text:
+            scene = _checked(scene_from_text(request.text))
+        else:
+            scene = _checked(load_scene(request.task, int(request.seed)))
         self._reload(scene)
         self._describe(response)
 
@@ -212,9 +215,8 @@ class WorldNode(HmapNode):
         return configuration
 
 
-def _task(name: str, seed: int) -> Scene:
-    """The scene of a task, in which bodies begin where they can be. Raises InputError."""
-    scene = load_scene(name, seed)
+def _checked(scene: Scene) -> Scene:
+    """The scene, whose bodies begin where they can be; InputError where they do not."""
     check_bodies(scene, scene.goal)
     return scene
 
