@@ -21,7 +21,6 @@ NOT_CONVERTED = {
     "ros2_ws/src/hmap/hmap/commands/up.py",
     "ros2_ws/src/hmap/hmap/conversions.py",
     "ros2_ws/src/hmap/hmap/launcher/processes.py",
-    "ros2_ws/src/hmap/hmap/launcher/session.py",
     "ros2_ws/src/hmap/hmap/nodes/contact_proposer.py",
     "ros2_ws/src/hmap/hmap/nodes/dynamic_obstacles.py",
     "ros2_ws/src/hmap/hmap/nodes/komo_optimiser.py",
