@@ -1,4 +1,4 @@
-"""Which places of a surface can be touched: there is room before them, and material behind all of the contact."""
+"""Accessibility of surface points: free space in front of them, and material behind the whole contact."""
 
 import numpy as np
 from numba import njit
@@ -10,7 +10,7 @@ from hmap_core.transforms import apply, rotation_matrix
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _free_ahead(points, normals, room, kind, R, p, size, planes, start):
-    """Whether (N,) the line of length ``room`` from each point along its normal meets no solid."""
+    """Whether (N,) the line of length ``room`` from each point along its normal intersects no solid."""
     out = np.ones(points.shape[0], np.bool_)
     t = np.empty(2)
     for i in range(points.shape[0]):
@@ -23,7 +23,17 @@ def _free_ahead(points, normals, room, kind, R, p, size, planes, start):
 
 
 def accessible(cloud: Cloud, T_world_obj: np.ndarray, obstacles: Solids, room: float) -> np.ndarray:
-    """Whether (N,) nothing stands within ``room`` metres before each point of an object at T_world_obj (7,)."""
+    """Test for free space in front of surface points.
+
+    Args:
+        cloud: points of the object, object frame.
+        T_world_obj: (7,) the object's pose.
+        obstacles: in the world frame.
+        room: required free length along the normals, m.
+
+    Returns:
+        (N,) whether the space is free.
+    """
     points = apply(T_world_obj, cloud.points)
     normals = np.ascontiguousarray(cloud.normals @ rotation_matrix(T_world_obj).T)
     return _free_ahead(points, normals, room, *obstacles.arrays)
@@ -31,7 +41,7 @@ def accessible(cloud: Cloud, T_world_obj: np.ndarray, obstacles: Solids, room: f
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def on_face(points, normals, sides, steps, kind, R, p, size, planes, start):
-    """Largest of ``steps`` (K,) for which points + step * sides (N, 3) still has material right behind it, (N,)."""
+    """Largest of ``steps`` (K,) for which points + step * sides (N, 3) still has material behind it, (N,)."""
     out = np.zeros(points.shape[0])
     for i in range(points.shape[0]):
         for k in range(steps.shape[0]):

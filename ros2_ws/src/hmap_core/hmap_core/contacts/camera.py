@@ -1,4 +1,4 @@
-"""What the cameras would see of an object: the paper's getCameraView, from the known scene instead of a picture."""
+"""The surface points of an object that cameras see: the paper's getCameraView, computed from the known scene."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ from hmap_core.exceptions import InputError
 from hmap_core.transforms import IDENTITY, apply, inverse, rotation_matrix
 from hmap_core.types import Body, Camera
 
-# a surface seen at a flatter angle than this gives no useful depth; cosine to its normal
+# smallest cosine between line of sight and normal for a useful depth measurement
 MIN_COSINE = 0.1
-# a point with material this far above it is inside the body or against another shape of it, m
+# a point with material at this height above it is inside the body, or another shape of it touches there, m
 COVER = 1e-4
-# material nearer to the point than this along the line of sight is the surface itself, m
+# material nearer than this to the point along the line of sight is the surface itself, m
 SKIN = 1e-5
 DEFAULT_POINTS = 400
-# when fewer than this share of the points are seen, as many are spread again, so often at most
+# if a smaller share of the points is visible, the same number is sampled again, up to MAX_ROUNDS times
 ENOUGH = 0.125
 MAX_ROUNDS = 4
 
@@ -30,7 +30,7 @@ class Cloud:
 
     Attributes:
         points: (N, 3) m.
-        normals: (N, 3) outward, unit.
+        normals: (N, 3) outward unit normals.
         seen: (N,) whether a camera sees the point.
     """
 
@@ -93,18 +93,24 @@ def visible_points(
     n: int = DEFAULT_POINTS,
     include_unseen: bool = False,
 ) -> Cloud:
-    """Points on the object's surface that a camera sees: facing it, in its picture, and not behind anything.
+    """Sample points on the object's surface that a camera sees: facing it, in its picture, and not occluded.
 
     Args:
         body: the object; its own ``pose`` is not used.
-        T_world_obj: (7,) where it is.
-        obstacles: what else may hide it, as (body, T_world_body).
-        n: points spread over the whole surface; fewer come back, and where little is seen they are spread more densely.
-        include_unseen: keep the unseen ones too, with ``seen`` false, as a second choice. Points inside another shape
-            of the same body, or against it, never come back.
+        T_world_obj: (7,) its pose.
+        obstacles: bodies that can occlude it, as (body, T_world_body).
+        cameras: the cameras.
+        rng: the only source of randomness.
+        n: number of points sampled on the whole surface. Fewer are returned; if only few are visible, sampling is
+            denser.
+        include_unseen: also return invisible points, with ``seen`` false, as a second choice. Points inside another
+            shape of the same body, or touching it, are never returned.
 
     Returns:
         A Cloud in the object frame.
+
+    Raises:
+        InputError: ``n`` is less than 1.
     """
     if n < 1:
         raise InputError(f"{n} surface points were asked for; at least 1 is needed")

@@ -1,26 +1,28 @@
-"""Quasi-static pushing in the plane: which pushes a sliding object follows without slipping off the pusher.
+"""Quasi-static pushing in the plane: pushes that a sliding object follows without slipping off the pusher.
 
-The friction between the object and its support is an ellipsoidal limit surface: to slide with the twist (vx, vy, w)
-about the centre of friction, the support needs a force (fx, fy) and a moment m in the direction (vx, vy, c^2 w), where
-c = m_max / f_max (Howe & Cutkosky, IJRR 1996). A line contact sticks when that wrench lies in the cone spanned by the
-edges of the friction cones at its two ends: the stable push (Lynch & Mason, IJRR 1996).
+The friction between the object and its support is modelled as an ellipsoidal limit surface: to slide with the twist
+(vx, vy, w) about the centre of friction, the object needs a force (fx, fy) and a moment m in the direction
+(vx, vy, c^2 w), where c = m_max / f_max (Howe & Cutkosky, IJRR 1996). A line contact sticks if that wrench is inside
+the cone spanned by the edges of the friction cones at its two ends: the stable push (Lynch & Mason, IJRR 1996).
 """
 
 import numpy as np
 from numba import njit
 
-# each foot's area of contact is summed over a grid of GRID x GRID points
+# the contact area of each foot is integrated over a grid of GRID x GRID points
 GRID = 24
-# the wrench may miss the cone by rounding, weights of unit forces
+# tolerance for rounding of the weights of unit forces
 _ROUNDING = 1e-9
-# generators that span less than this (unit forces, moments in m) count as flat
+# generators that span less than this (unit forces, moments in m) are degenerate
 _SINGULAR = 1e-9
 
 
 def characteristic_length(polygons: list[np.ndarray], centre: np.ndarray) -> float:
-    """c = m_max / f_max in metres under even pressure: the mean distance of the footprint from ``centre`` (2,).
+    """c = m_max / f_max in m for uniform pressure: the mean distance of the footprint from ``centre`` (2,).
 
-    ``polygons`` are convex and counter-clockwise, (n, 2) each; where they overlap counts once.
+    Args:
+        polygons: convex and counter-clockwise, (n, 2) each, m; overlaps count once.
+        centre: (2,) centre of friction, m.
     """
     u = (np.arange(GRID) + 0.5) / GRID
     unit = np.stack(np.meshgrid(u, u), axis=-1).reshape(-1, 2)
@@ -38,24 +40,27 @@ def characteristic_length(polygons: list[np.ndarray], centre: np.ndarray) -> flo
 
 
 def _inside(points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
-    """Whether points (N, 2) lie in a convex counter-clockwise polygon (n, 2)."""
+    """Whether points (N, 2) are inside a convex counter-clockwise polygon (n, 2)."""
     before = np.roll(polygon, 1, axis=0)
     edge, away = polygon - before, points[:, None] - before
     return np.all(edge[:, 0] * away[..., 1] - edge[:, 1] * away[..., 0] >= 0.0, axis=1)
 
 
 def needed_wrench(twist: np.ndarray, length: float) -> np.ndarray:
-    """Direction (..., 3) of the wrench (fx, fy, m) about the centre that slides the object with a twist (vx, vy, w)."""
+    """Direction (..., 3) of the wrench (fx, fy, m) about the centre of friction for a twist (vx, vy, w)."""
     return np.asarray(twist, float) * [1.0, 1.0, length**2]
 
 
 def cone_generators(ends: np.ndarray, normals: np.ndarray, friction: float) -> np.ndarray:
-    """Wrenches (N, 4, 3) of the friction cones' edges at both ends (N, 2, 2) of line contacts, about the centre.
+    """The edges of the friction cones at both ends of line contacts, as wrenches about the centre of friction.
 
     Args:
-        ends: positions relative to the centre, m.
+        ends: (N, 2, 2) positions relative to the centre, m.
         normals: (N, 2) outward unit normals of the pushed object's side.
         friction: coefficient between pusher and object.
+
+    Returns:
+        (N, 4, 3) unit forces and their moments.
     """
     inward = -normals
     tangent = np.stack([-inward[:, 1], inward[:, 0]], axis=1)
@@ -76,7 +81,7 @@ def _det(a, b, c):
 def in_cone(generators, wrench):
     """Whether ``wrench`` (3,) is a non-negative combination of each set of generators (N, 4, 3): (N,) bool.
 
-    By Caratheodory's theorem three of the four suffice; their weights follow from Cramer's rule.
+    By Caratheodory's theorem three of the four are sufficient; their weights follow from Cramer's rule.
     """
     inside = np.zeros(generators.shape[0], np.bool_)
     for n in range(generators.shape[0]):
@@ -96,7 +101,18 @@ def in_cone(generators, wrench):
 def stable_pushes(
     ends: np.ndarray, normals: np.ndarray, friction: float, twists: np.ndarray, length: float
 ) -> np.ndarray:
-    """Which line contacts (N,) carry the object through all the ``twists`` (T, 3) sticking; see the module's text."""
+    """Test for stable pushes.
+
+    Args:
+        ends: (N, 2, 2) ends of the line contacts relative to the centre of friction, m.
+        normals: (N, 2) outward unit normals of the pushed object's side.
+        friction: coefficient between pusher and object.
+        twists: (T, 3) motions of the object, vx, vy, w.
+        length: characteristic length of the limit surface, m.
+
+    Returns:
+        (N,) whether the contact sticks during all twists.
+    """
     generators = cone_generators(ends, normals, friction)
     good = np.ones(len(ends), bool)
     for twist in twists:

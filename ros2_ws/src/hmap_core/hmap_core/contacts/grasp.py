@@ -10,19 +10,23 @@ from hmap_core.contacts.solids import Solids, outward_normal, way_out
 from hmap_core.transforms import rotation_matrix
 from hmap_core.types import ContactKind
 
-# the opening keeps this to the widest the gripper can do, m
+# the opening stays this much below the gripper's largest one, m
 WIDTH_CLEARANCE = 5e-4
-# directions of approach about the closing axis
+# number of approach directions about the closing axis
 APPROACHES = 12
-# the fingers are put this share of their tip length less deep at most, to keep the palm clear
+# the grasp depth is reduced by at most this share of the tip length to keep the palm clear
 SHALLOWEST = 0.5
-# material this far up along the pads is held as well as any more, m
+# grasp depth beyond which the score does not increase, m
 DEEP = 0.01
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def across(points, normals, kind, R, p, size, planes, start):
-    """Width (N,) of the material behind each point along -normal, and the outward normals (N, 3) on the far side."""
+    """Width of the material behind each point.
+
+    Returns:
+        Width (N,) in m along -normal, and the outward normals (N, 3) of the far side.
+    """
     width = np.zeros(points.shape[0])
     far = np.zeros(points.shape)
     for i in range(points.shape[0]):
@@ -34,7 +38,7 @@ def across(points, normals, kind, R, p, size, planes, start):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def depth_below(points, directions, kind, R, p, size, planes, start):
-    """How far (N,) the material reaches from inner points along the directions (N, 3)."""
+    """Extent (N,) of the material from inner points along the directions (N, 3), m."""
     out = np.empty(points.shape[0])
     for i in range(points.shape[0]):
         out[i], _ = way_out(points[i], directions[i], kind, R, p, size, planes, start)
@@ -42,7 +46,17 @@ def depth_below(points, directions, kind, R, p, size, planes, start):
 
 
 def antipodal(cloud: Cloud, own: Solids, hand: Hand, friction: float) -> tuple[np.ndarray, np.ndarray]:
-    """Which points (N,) have an opposite face that the gripper can reach round and hold, and their widths (N,) in m."""
+    """Find antipodal grasp points.
+
+    Args:
+        cloud: surface points, object frame.
+        own: the object's shapes.
+        hand: its gripper limits the width.
+        friction: coefficient of the object.
+
+    Returns:
+        (N,) whether the opposite face is within the friction cone and the gripper's range, and widths (N,) in m.
+    """
     width, far = across(cloud.points, cloud.normals, *own.arrays)
     opposite = -np.einsum("ij,ij->i", far, cloud.normals) >= np.cos(np.arctan(friction))
     gripper = hand.gripper
@@ -60,10 +74,20 @@ def grasps(
     allowed,
     situation: Situation,
 ) -> Candidates:
-    """Grasps at the points of the cloud with an opposite face, from APPROACHES directions, the hand either way round.
+    """Grasps at points with an opposite face, from APPROACHES directions and with both orientations of the hand.
 
-    The closing axis is the normal; the frame's origin is midway between the faces, less deep where the object would
-    meet the palm. ``allowed`` maps points (N, 3) to whether contacts may lie there (N,).
+    The closing axis is the normal. The frame's origin is midway between the faces; the grasp is less deep if the object
+    would touch the palm.
+
+    Args:
+        cloud: surface points, object frame.
+        own: the object's shapes.
+        centre: (3,) the object's centre of mass, object frame, m.
+        radius: the object's radius about it, m.
+        hand: the fingers.
+        friction: coefficient of the object.
+        allowed: maps points (N, 3) to whether contacts can lie there (N,).
+        situation: the object's pose and motion, and the robot's position.
     """
     good, width = antipodal(cloud, own, hand, friction)
     good &= allowed(cloud.points - width[:, None] * cloud.normals)

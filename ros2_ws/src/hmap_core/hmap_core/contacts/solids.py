@@ -1,4 +1,4 @@
-"""Shapes as exact solids for rays: a line through a convex shape is inside it on one interval."""
+"""Shapes as exact solids for ray casting: a line through a convex shape is inside it on one interval."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ _CODES = {
     ShapeKind.MESH: _POLYTOPE,
 }
 _PARALLEL = 1e-12
-# solids nearer than this along a ray are one piece, m
+# solids with a smaller gap along a ray are connected, m
 JOINED = 1e-6
 
 
@@ -30,10 +30,11 @@ class Solids:
 
     Attributes:
         kind: (S,) code of the shape.
-        R, p: (S, 3, 3), (S, 3) pose of each shape's own frame.
+        R: (S, 3, 3) orientation of each shape's own frame.
+        p: (S, 3) its position, m.
         size: (S, 3) as in Shape, zero-padded.
         planes: (P, 4) faces n.x <= d of the polytopes, in their own frames.
-        start: (S + 1,) shape s has planes ``start[s]:start[s + 1]``.
+        start: (S + 1,) shape s has the planes ``start[s]:start[s + 1]``.
     """
 
     kind: np.ndarray
@@ -45,6 +46,7 @@ class Solids:
 
     @property
     def arrays(self) -> tuple:
+        """The arguments of the compiled functions."""
         return self.kind, self.R, self.p, self.size, self.planes, self.start
 
     def __len__(self) -> int:
@@ -59,7 +61,7 @@ def _faces(shape: Shape) -> np.ndarray:
 
 
 def solids(posed: Sequence[tuple[Shape, np.ndarray]]) -> Solids:
-    """Solids of (shape, T_frame_body (7,)) pairs, in ``frame``."""
+    """Make the solids of (shape, T_frame_body (7,)) pairs, in ``frame``."""
     count = len(posed)
     size = np.zeros((count, 3))
     R, p = np.zeros((count, 3, 3)), np.zeros((count, 3))
@@ -67,7 +69,7 @@ def solids(posed: Sequence[tuple[Shape, np.ndarray]]) -> Solids:
     for k, (shape, T_frame_body) in enumerate(posed):
         mesh = shape.kind == ShapeKind.MESH
         R[k], p[k] = rotation_matrix(T_frame_body), T_frame_body[:3]
-        if not mesh and shape.pose is not IDENTITY:  # the hull of a mesh is in the body frame already
+        if not mesh and shape.pose is not IDENTITY:  # a mesh's hull is already in the body frame
             p[k] += R[k] @ shape.pose[:3]
             R[k] = R[k] @ rotation_matrix(shape.pose)
         size[k, : len(shape.size)] = shape.size
@@ -133,7 +135,7 @@ def interval(s, origin, direction, kind, R, p, size, planes, start, t):
     elif code == _SPHERE:
         _quadratic(u * u + v * v + w * w, x * u + y * v + z * w, x * x + y * y + z * z - a * a, t)
     elif code == _CAPSULE:
-        # a convex union: the interval is the hull of those of the cylinder and of the two balls
+        # a convex union: its interval is the hull of those of the cylinder and of the two spheres
         _quadratic(u * u + v * v, x * u + y * v, x * x + y * y - a * a, t)
         _slab(z, w, 0.5 * b, t)
         ball = np.empty(2)
@@ -164,7 +166,7 @@ def interval(s, origin, direction, kind, R, p, size, planes, start, t):
 def way_out(origin, direction, kind, R, p, size, planes, start):
     """Distance from a point of the solids' surface through connected material to the far side, and the solid there.
 
-    The ray may start JOINED outside the material. Returns (0, -1) when there is none ahead.
+    The ray can start JOINED outside the material. Returns (0, -1) if there is no material ahead.
     """
     t = np.empty(2)
     reach, last = 0.0, -1

@@ -108,7 +108,7 @@ class ObjectChecker:
             carrying = below & (everything.upper[:, 2] >= lowest - SUPPORT_TOLERANCE)
             carriers = [everything.hulls[k] for k in np.flatnonzero(carrying)]
             support = Support(self.body, carriers, problem.start)
-            if support.holds(problem.start) and support.holds(problem.goal):
+            if support.is_stable(problem.start) and support.is_stable(problem.goal):
                 self.support = support
             shapes = everything.kept(~below)
         self.obstacles = shapes
@@ -158,7 +158,7 @@ class ObjectChecker:
         """Whether the body at pose T (7,) is free of collisions and supported."""
         if kernels.blocking(T, *self._a, *self._b, self.required, self._no_extra) >= 0:
             return False
-        return self.support is None or self.support.holds(T)
+        return self.support is None or self.support.is_stable(T)
 
     def motion_free(self, T0: np.ndarray, T1: np.ndarray, extra: float = 0.0, near: np.ndarray | None = None) -> bool:
         """Check the motion from T0 to T1.
@@ -185,7 +185,7 @@ class ObjectChecker:
 
     def supported_along(self, T0: np.ndarray, T1: np.ndarray) -> bool:
         """Whether the body stays on its support along the motion from T0 to T1 (7,); true if it needs none."""
-        return self.support is None or self.support.holds_along(T0, T1)
+        return self.support is None or self.support.is_stable_along(T0, T1)
 
     def free_part(self, T0: np.ndarray, T1: np.ndarray) -> float:
         """Parameter in [0, 1] up to which the motion from T0 to T1 (7,) is free of collisions; ignores the support."""

@@ -1,9 +1,13 @@
-"""Compiled collision checks of one moving body against convex shapes that stand still.
+"""Compiled collision checks of one moving body against fixed convex shapes.
 
 A motion between two poses is straight in position and turns at a constant rate about one axis through the origin of the
-body frame, as in :func:`hmap_core.transforms.interpolate`. It is checked exactly, not by samples: the separating
-direction found at one instant tells how long the pair stays apart (conservative advancement with directional motion
-bounds, after Tang, Kim & Manocha, "C2A: Controlled Conservative Advancement", ICRA 2009).
+body frame, as in :func:`hmap_core.transforms.interpolate`. The check covers the whole motion and not only samples: the
+separating direction at one instant bounds how long the pair stays apart (conservative advancement with directional
+motion bounds, after Tang, Kim & Manocha, "C2A: Controlled Conservative Advancement", ICRA 2009).
+
+Shapes are passed as arrays. Of the body: vertices VA (m, 3), start indices sA, radii radA, bounding spheres cA, bA, in
+the body frame. Of the SB obstacle shapes: vertices VB (m, 3), start indices sB, radii radB, and the bounding boxes
+lower, upper (SB, 3), in the world frame. Lengths are in m.
 """
 
 import numpy as np
@@ -11,13 +15,13 @@ from numba import njit
 
 from hmap_core.collision.convex import signed_distance
 
-# an interval in which no point moves further than this counts as one instant, m
+# an interval in which no point moves farther than this counts as one instant, m
 RESOLUTION = 4e-4
-# smallest closing speed that is told from rest, m per unit of the motion parameter
+# smallest closing speed that counts as motion, m per unit of the motion parameter
 _TINY = 1e-12
-# sine of half a turn below which its square is lost in rounding
+# sine of half a rotation angle below which its square is lost in rounding
 _SMALL_TURN = 1e-4
-# intervals are halved, so more than this many never wait
+# capacity of the stack of intervals; they are halved, so the stack never has more
 _STACK = 128
 
 
@@ -37,7 +41,16 @@ def _rotation(q, R):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def screw(T0, T1, axis):
-    """Angle in [0, pi] and, in ``axis`` (3,), the world axis of the shortest turn from pose T0 to pose T1 (7,)."""
+    """Rotation from pose T0 to pose T1 (7,).
+
+    Args:
+        T0: start pose.
+        T1: end pose.
+        axis: (3,) output: the axis in the world frame.
+
+    Returns:
+        The angle in [0, pi].
+    """
     ax, ay, az, aw = T1[3], T1[4], T1[5], T1[6]
     bx, by, bz, bw = -T0[3], -T0[4], -T0[5], T0[6]
     x = aw * bx + ax * bw + ay * bz - az * by
@@ -56,11 +69,11 @@ def screw(T0, T1, axis):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def length(T0, T1, radius):
-    """Length of a motion in metres: displacement plus turn times ``radius``."""
+    """Length of a motion in m: displacement plus rotation times ``radius``."""
     x, y, z = T1[0] - T0[0], T1[1] - T0[1], T1[2] - T0[2]
     dot = T0[3] * T1[3] + T0[4] * T1[4] + T0[5] * T1[5] + T0[6] * T1[6]
     s = np.sqrt(max(0.0, 1.0 - dot * dot))
-    if s < _SMALL_TURN:  # the sine above loses half its digits here
+    if s < _SMALL_TURN:  # the sine above has only half its digits here
         s = 0.0
         for k in range(3, 7):
             d = T1[k] - np.copysign(1.0, dot) * T0[k]
@@ -91,7 +104,7 @@ def all_lengths(poses, radius):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def part_way(T0, T1, t, out):
-    """The pose at the parameter t of the motion from T0 to T1 in ``out`` (7,), as transforms.interpolate."""
+    """Write the pose at the parameter t of the motion from T0 to T1 into ``out`` (7,); as transforms.interpolate."""
     axis = np.empty(3)
     angle = screw(T0, T1, axis)
     for k in range(3):
@@ -106,7 +119,7 @@ def part_way(T0, T1, t, out):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def between(T0, T1, t):
-    """Poses (n, 7) at the parameters t (n,) of the motion from T0 to T1, as transforms.interpolate."""
+    """Poses (n, 7) at the parameters t (n,) of the motion from T0 to T1; as transforms.interpolate."""
     out = np.empty((t.shape[0], 7))
     for i in range(t.shape[0]):
         part_way(T0, T1, t[i], out[i])
@@ -115,7 +128,7 @@ def between(T0, T1, t):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _turned(R0, axis, angle, R):
-    """R (3, 3) = rotation by ``angle`` about the world ``axis``, after R0 (Rodrigues)."""
+    """R (3, 3) = rotation by ``angle`` about the world ``axis``, applied after R0 (Rodrigues' formula)."""
     s, c = np.sin(angle), np.cos(angle)
     for k in range(3):
         x, y, z = R0[0, k], R0[1, k], R0[2, k]
@@ -127,7 +140,7 @@ def _turned(R0, axis, angle, R):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _arm(V, R0, axis):
-    """Largest distance of the vertices V (n, 3) from the turning axis through the frame's origin."""
+    """Largest distance of the vertices V (n, 3) from the axis of rotation through the frame's origin."""
     best = 0.0
     a0 = R0[0, 0] * axis[0] + R0[1, 0] * axis[1] + R0[2, 0] * axis[2]
     a1 = R0[0, 1] * axis[0] + R0[1, 1] * axis[1] + R0[2, 1] * axis[2]
@@ -142,7 +155,7 @@ def _arm(V, R0, axis):
 
 @njit(cache=True, error_model="numpy", nogil=True, inline="always")
 def _box_gap(center, radius, lower, upper):
-    """Distance of a ball from an axis-aligned box; negative when they meet."""
+    """Distance of a sphere from an axis-aligned box; negative if they overlap."""
     s = 0.0
     for k in range(3):
         d = max(lower[k] - center[k], center[k] - upper[k])
@@ -153,7 +166,7 @@ def _box_gap(center, radius, lower, upper):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def distances(T, VA, sA, radA, cA, bA, VB, sB, radB, lower, upper, cap, out):
-    """Signed distance of the body at pose T (7,) from every obstacle shape, in ``out`` (SB,), at most ``cap``."""
+    """Signed distances of the body at pose T (7,) to all obstacle shapes, into ``out`` (SB,), at most ``cap``."""
     R = np.empty((3, 3))
     _rotation(T[3:], R)
     p = T[:3].copy()
@@ -175,7 +188,7 @@ def distances(T, VA, sA, radA, cA, bA, VB, sB, radB, lower, upper, cap, out):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def clearances(poses, VA, sA, radA, cA, bA, VB, sB, radB, lower, upper, counted, cap):
-    """Smallest distance (M,) at each of the poses (M, 7) to the obstacle shapes ``counted`` (SB,), at most ``cap``."""
+    """Smallest distance (M,) at the poses (M, 7) to the obstacle shapes ``counted`` (SB,), at most ``cap``."""
     out = np.full(poses.shape[0], cap)
     each = np.empty(sB.shape[0] - 1)
     for m in range(poses.shape[0]):
@@ -188,7 +201,7 @@ def clearances(poses, VA, sA, radA, cA, bA, VB, sB, radB, lower, upper, counted,
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def blocking(T, VA, sA, radA, cA, bA, VB, sB, radB, lower, upper, required, extra):
-    """Index of an obstacle shape nearer than required at pose T (7,), or -1."""
+    """Index of an obstacle shape nearer than required + extra (SB,) to the body at pose T (7,), or -1."""
     R = np.empty((3, 3))
     _rotation(T[3:], R)
     p = T[:3].copy()
@@ -212,7 +225,7 @@ def blocking(T, VA, sA, radA, cA, bA, VB, sB, radB, lower, upper, required, extr
 @njit(cache=True, error_model="numpy", nogil=True)
 def _pair_free(V, rad, R0, p0, dp, axis, angle, arm, W, radW, need, eye, zero, R, p, witness, stack, exact
 ):  # fmt: skip
-    """Parameter in [0, 1] up to which one pair's motion is free (1: all of it); only "less than 1" unless exact."""
+    """Parameter in [0, 1] up to which one pair's motion is free; 1: all of it. If not ``exact``, only "less than 1"."""
     speed = np.sqrt(dp[0] ** 2 + dp[1] ** 2 + dp[2] ** 2) + angle * arm
     top = 1
     stack[0, 0], stack[0, 1] = 0.0, 1.0
@@ -238,7 +251,7 @@ def _pair_free(V, rad, R0, p0, dp, axis, angle, arm, W, radW, need, eye, zero, R
             turn = angle * arm
             left = m - slack / max(max(along, 0.0) + turn, _TINY)
             right = m + slack / max(max(-along, 0.0) + turn, _TINY)
-        # the later part is looked at only when the earlier one is free, so it goes on the stack first
+        # the later part is checked only if the earlier one is free, so it is pushed first
         if instant:
             continue
         if right < b:
@@ -252,9 +265,14 @@ def _pair_free(V, rad, R0, p0, dp, axis, angle, arm, W, radW, need, eye, zero, R
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def free_until(T0, T1, VA, sA, radA, cA, bA, VB, sB, radB, lower, upper, required, extra, hit):
-    """Parameter in [0, 1] up to which the motion from T0 to T1 is free; ``hit[0]`` the obstacle shape met, or -1.
+    """Parameter in [0, 1] up to which the motion from T0 to T1 is free.
 
-    Stops at the first obstacle that blocks when ``hit[1]`` is 0 (the parameter is then only "less than 1").
+    Args:
+        T0: start pose (7,).
+        T1: end pose (7,).
+        required: (SB,) required distances; ``extra`` (SB,) is added to them.
+        hit: (2,) output and input. ``hit[0]``: index of the obstacle shape that blocks, or -1. If ``hit[1]`` is 0, the
+            check stops at the first obstacle that blocks; the parameter is then only "less than 1".
     """
     axis = np.empty(3)
     angle = screw(T0, T1, axis)

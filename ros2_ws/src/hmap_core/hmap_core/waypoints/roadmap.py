@@ -1,8 +1,8 @@
-"""Deterministic candidates before any long search: a small roadmap of moves along the axes, searched lazily.
+"""A small, deterministic roadmap that is searched before the trees grow, with lazy checks of its edges.
 
-The nodes are the start, the goal, and poses reached from either by moving along an axis of the body or of the world:
-out of a slot, up and over, round a corner, with the orientation of the start and of the goal; and quarter turns of the
-two ends. Edges are assumed to be free and checked only when the shortest path uses them (Bohlin & Kavraki, "Path
+The nodes are the start, the goal, and poses that motions along an axis of the body or of the world reach from either:
+out of a slot, up and over, around a corner, with the orientations of the start and of the goal; and quarter turns at
+both ends. Edges are assumed to be free and are checked only if the shortest path uses them (Bohlin & Kavraki, "Path
 planning using lazy PRM", ICRA 2000).
 """
 
@@ -13,26 +13,26 @@ from hmap_core.transforms import quaternion_multiply, rotation_matrix
 from hmap_core.waypoints import kernels
 from hmap_core.waypoints.checker import ObjectChecker
 
-# motions checked before the trees take over
+# motions checked before the trees start
 MAX_CHECKS = 400
-# heights tried above the higher of start and goal in spatial motion, m
+# heights of nodes above the higher of start and goal in spatial motion, m
 LIFTS = (0.03, 0.08, 0.15, 0.3, 0.5)
-# fractions of the free way along an axis at which a node is put
+# nodes are at these fractions of the free distance along an axis
 FRACTIONS = (1.0, 0.5)
-# a body with less room than this to both sides is also tried in the middle, m
+# a node is also in the middle of gaps that leave less room than this on both sides, m
 GAP = 0.05
-# kept from the end of the free way, m
+# distance from the end of the free motion, m
 BACK_OFF = 0.01
-# a further node costs as much as this length of path, m
+# cost of each node as a length of path, m
 NODE_COST = 0.05
-# poses nearer than this are one node, m (turn times radius counts as length)
+# poses nearer than this are the same node, m (rotation times radius counts as length)
 SAME_POSE = 1e-4
-# cosine below which an axis is across
+# cosine below which a direction is perpendicular to an axis
 _ACROSS = 1e-9
 
 
 def _directions(T: np.ndarray, planar: bool) -> np.ndarray:
-    """Axes of the world and of the body at T, both senses, (D, 3); only the horizontal ones in planar motion."""
+    """Axes of the world and of the body at T, in both senses, (D, 3); only horizontal ones in planar motion."""
     axes = np.concatenate([np.eye(3), rotation_matrix(T).T])
     if planar:
         axes[:, 2] = 0.0
@@ -50,14 +50,24 @@ def _moved(T: np.ndarray, step: np.ndarray) -> np.ndarray:
 
 
 def _room(position: np.ndarray, axis: np.ndarray, bounds: np.ndarray) -> float:
-    """Way in metres from a position (3,) along a unit axis to the edge of a box (2, 3)."""
+    """Distance in m from a position (3,) along a unit axis to the boundary of a box (2, 3)."""
     to_edge = np.where(axis > 0.0, bounds[1] - position, bounds[0] - position)
     moving = np.abs(axis) > _ACROSS
     return max(float(np.min(to_edge[moving] / axis[moving])), 0.0)
 
 
 def exits(checker: ObjectChecker, T: np.ndarray, other: np.ndarray, bounds: np.ndarray) -> list[np.ndarray]:
-    """Poses reached from T by free motion along one axis, within the bounds (2, 3); some level with ``other``."""
+    """Poses that free motions along one axis reach from T.
+
+    Args:
+        checker: decides what is free.
+        T: pose (7,), the start or the goal.
+        other: pose (7,) of the other end; some exits are level with it.
+        bounds: (2, 3) lower and upper position, m.
+
+    Returns:
+        The poses (7,), each with a supported motion from T.
+    """
     found = []
     for axis in _directions(T, checker.planar):
         reach = _room(T[:3], axis, bounds)
@@ -69,7 +79,7 @@ def exits(checker: ObjectChecker, T: np.ndarray, other: np.ndarray, bounds: np.n
 
 
 def _in_the_middle(checker: ObjectChecker, T: np.ndarray) -> np.ndarray:
-    """T (7,) moved along the axes of the world to the middle of the gaps it is in."""
+    """T (7,) moved along the world's axes to the middle of the gaps that it is in."""
     T = np.array(T, float)
     for axis in np.eye(3)[: 2 if checker.planar else 3]:
         ahead, back = (checker.free_part(T, _moved(T, side * GAP * axis)) for side in (1.0, -1.0))
@@ -79,7 +89,7 @@ def _in_the_middle(checker: ObjectChecker, T: np.ndarray) -> np.ndarray:
 
 
 def _turned(checker: ObjectChecker, T: np.ndarray) -> list[np.ndarray]:
-    """T (7,) turned by a quarter about the axes of the body; about the vertical alone in planar motion."""
+    """T (7,) rotated by quarter turns about the body's axes; in planar motion about the vertical only."""
     sine = np.sqrt(0.5)
     quarter = [np.array([*(side * sine * axis), sine]) for axis in np.eye(3) for side in (1.0, -1.0)]
     if checker.planar:
@@ -105,7 +115,7 @@ def _nodes(
 
 @njit(cache=True)
 def _shortest(cost, previous):
-    """Dijkstra from node 0 on a dense matrix (N, N); fills ``previous`` (N,)."""
+    """Dijkstra's algorithm from node 0 on a dense matrix (N, N); fills ``previous`` (N,)."""
     n = cost.shape[0]
     best = np.full(n, np.inf)
     done = np.zeros(n, np.bool_)
@@ -126,9 +136,16 @@ def _shortest(cost, previous):
 
 
 def direct_path(checker: ObjectChecker, start: np.ndarray, goal: np.ndarray, bounds: np.ndarray) -> np.ndarray | None:
-    """Poses (n, 7) of a free path on the small roadmap, or None; ``bounds`` (2, 3) of its positions.
+    """Search a free path on the small roadmap.
 
-    The straight motion from start to goal counts as known to be blocked.
+    Args:
+        checker: decides what is free.
+        start: pose (7,).
+        goal: pose (7,); the straight motion from the start is known to be blocked.
+        bounds: (2, 3) lower and upper position, m.
+
+    Returns:
+        Poses (n, 7), or None.
     """
     nodes = _nodes(checker, start, goal, checker.radius, bounds)
     cost = kernels.all_lengths(nodes, checker.radius) + NODE_COST

@@ -41,7 +41,7 @@ def stable_poses(body: Body, poses: np.ndarray, obstacles: Sequence[Body]) -> np
         carriers = [tops[k] for k in np.flatnonzero(carrying[first])]
         hulls = [(apply(T, shapes.hull(s)), shapes.radius[s]) for T, shapes, s, _ in carriers]
         support = Support(own, hulls, poses[first])
-        stands[todo[same]] = [support.holds(T) for T in poses[todo[same]]]
+        stands[todo[same]] = [support.is_stable(T) for T in poses[todo[same]]]
         todo = todo[~same]
     return stands if stands[0] else stands | _alike(poses, up, 0)
 

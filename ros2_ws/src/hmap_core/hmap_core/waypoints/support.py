@@ -1,4 +1,4 @@
-"""Whether a body that slides on its support stays on it."""
+"""Stability of a body that slides on its support: its centre of mass has to stay above the contact polygon."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -11,21 +11,21 @@ from hmap_core.collision.convex import ConvexSet
 from hmap_core.transforms import rotation_matrix
 from hmap_core.waypoints.kernels import length, screw
 
-# the support carries where the centre of mass is inside the contact polygon by this much, m
+# the body is stable if its centre of mass is this far inside the contact polygon, m
 SUPPORT_MARGIN = 0.005
-# vertices within this of the lowest (highest) one belong to the bottom (top) face, m
+# vertices within this distance of the lowest (highest) one belong to the bottom (top) face, m
 FACE_TOLERANCE = 1e-3
-# a motion is looked at every so far, m of the farthest point
+# step of the check along a motion, m of the farthest point's path
 SUPPORT_STEP = 0.005
-# polygons thinner than this carry nothing, m
+# polygons thinner than this carry no body, m
 _THIN = 1e-6
 _MAX_CORNERS = 160
-# bodies whose centre of mass is remembered
+# number of bodies whose centre of mass is cached
 BODIES_KEPT = 256
 
 
 def _polygon(points: np.ndarray) -> np.ndarray:
-    """Counter-clockwise convex hull (n, 2); empty when the points span no area."""
+    """Counter-clockwise convex hull (n, 2); empty if the points span no area."""
     try:
         return points[ConvexHull(points).vertices]
     except (QhullError, ValueError):
@@ -33,13 +33,21 @@ def _polygon(points: np.ndarray) -> np.ndarray:
 
 
 def _face(hull: np.ndarray, radius: float, top: bool, height: float) -> np.ndarray:
-    """The part (n, 2) of a shape's top or bottom face at a height; empty when it is not flat there."""
+    """The part (n, 2) of a shape's top or bottom face at a height; empty if it is not flat there."""
     z = hull[:, 2] + radius if top else hull[:, 2] - radius
     return _polygon(hull[np.abs(z - height) <= FACE_TOLERANCE, :2])
 
 
 def feet(body: ConvexSet, R: np.ndarray) -> tuple[list[np.ndarray], float]:
-    """Polygons (n, 2) on which the body turned by R (3, 3) stands, and their height, relative to its origin."""
+    """The faces that a body stands on.
+
+    Args:
+        body: its shapes.
+        R: (3, 3) rotation from the body frame to level axes.
+
+    Returns:
+        Polygons (n, 2) in level axes, m, and their height relative to the body's origin, m.
+    """
     hulls = [(body.hull(k) @ R.T, body.radius[k]) for k in range(len(body))]
     lowest = float(min(h[:, 2].min() - r for h, r in hulls))
     faces = [_face(h, r, False, lowest) for h, r in hulls]
@@ -48,7 +56,7 @@ def feet(body: ConvexSet, R: np.ndarray) -> tuple[list[np.ndarray], float]:
 
 @lru_cache(maxsize=BODIES_KEPT)
 def centre_of_mass(body: ConvexSet) -> np.ndarray:
-    """Centroid (3,) in the body frame of shapes of the same density; overlaps count twice."""
+    """Centroid (3,) in the body frame, m, of shapes with the same density; overlaps count twice."""
     total, moment = 0.0, np.zeros(3)
     for k in range(len(body)):
         hull, r = body.hull(k), body.radius[k]
@@ -69,7 +77,7 @@ def _centroid(hull: np.ndarray) -> tuple[np.ndarray, float]:
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _clip(subject, count, window, out, spare):
-    """Intersection of convex counter-clockwise polygons (Sutherland & Hodgman 1974) in ``out``; returns its size."""
+    """Intersection of convex counter-clockwise polygons into ``out`` (Sutherland & Hodgman 1974); returns its size."""
     n = count
     for i in range(n):
         out[i] = subject[i]
@@ -97,8 +105,7 @@ def _clip(subject, count, window, out, spare):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _surrounded(x, y, points, count, min_distance):
-    """Whether (x, y) is inside the convex hull of points (count, 2) by ``min_distance``: no half plane leaves it
-    out."""
+    """Whether (x, y) is ``min_distance`` inside the convex hull of points (count, 2); checks all supporting lines."""
     for i in range(count):
         for j in range(count):
             ex, ey = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
@@ -117,7 +124,7 @@ def _surrounded(x, y, points, count, min_distance):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _inside(x, y, polygon, min_distance):
-    """Whether (x, y) lies in a convex counter-clockwise polygon, ``min_distance`` from its edges."""
+    """Whether (x, y) is inside a convex counter-clockwise polygon, at least ``min_distance`` from its edges."""
     for k in range(polygon.shape[0]):
         ex, ey = polygon[k, 0] - polygon[k - 1, 0], polygon[k, 1] - polygon[k - 1, 1]
         if ex * (y - polygon[k - 1, 1]) - ey * (x - polygon[k - 1, 0]) < min_distance * np.sqrt(ex * ex + ey * ey):
@@ -126,10 +133,10 @@ def _inside(x, y, polygon, min_distance):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _held(yaw, px, py, com, feet, feet_start, tops, tops_start, min_distance):
-    """Whether the body, turned by ``yaw`` and put at (px, py), has its mass centre over what carries it."""
+def _stable(yaw, px, py, com, feet, feet_start, tops, tops_start, min_distance):
+    """Whether the body, rotated by ``yaw`` and at (px, py), has its centre of mass above the contact polygon."""
     c, s = np.cos(yaw), np.sin(yaw)
-    # a disc of radius minimum distance in one foot and in one top is in the contact polygon
+    # a disc with the radius min_distance that is inside one foot and one top is inside the contact polygon
     standing = False
     for f in range(feet_start.shape[0] - 1):
         standing = standing or _inside(com[0], com[1], feet[feet_start[f] : feet_start[f + 1]], min_distance)
@@ -159,10 +166,11 @@ def _held(yaw, px, py, com, feet, feet_start, tops, tops_start, min_distance):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def held_along(T0, T1, reference, arm, com, feet, feet_start, tops, tops_start):
-    """The same at every SUPPORT_STEP of the motion from pose T0 to T1 (7,), both planar from ``reference``.
+def stable_along(T0, T1, reference, arm, com, feet, feet_start, tops, tops_start):
+    """Whether the body is stable at every SUPPORT_STEP of the motion from pose T0 to T1 (7,).
 
-    ``arm`` is the distance in metres of the body's farthest point from the axis of its turns.
+    Both poses are planar motions of ``reference``. ``arm`` is the distance in m of the body's farthest point from the
+    axis of rotation.
     """
     axis = np.empty(3)
     steps = int(np.ceil(length(T0, T1, arm) / SUPPORT_STEP))
@@ -171,21 +179,21 @@ def held_along(T0, T1, reference, arm, com, feet, feet_start, tops, tops_start):
     for k in range(steps + 1):
         t = k / max(steps, 1)
         px, py = T0[0] + t * (T1[0] - T0[0]), T0[1] + t * (T1[1] - T0[1])
-        if not _held(yaw0 + t * turn, px, py, com, feet, feet_start, tops, tops_start, SUPPORT_MARGIN):
+        if not _stable(yaw0 + t * turn, px, py, com, feet, feet_start, tops, tops_start, SUPPORT_MARGIN):
             return False
     return True
 
 
 class Support:
-    """The flat tops that carry a body in planar motion from a reference pose.
+    """The flat tops that carry a body in planar motion.
 
     Args:
         body: in its own frame.
         carriers: vertices (n, 3), world frame, and radius of each shape that reaches up to the body's lowest point.
-        reference: T_world_obj (7,); poses asked about differ from it by planar motion.
+        reference: T_world_obj (7,); all poses to test are planar motions of it.
 
     Attributes:
-        arrays: what ``held_along`` has to know of it.
+        arrays: the arguments of ``stable_along``.
     """
 
     def __init__(self, body: ConvexSet, carriers: Sequence[tuple[np.ndarray, float]], reference: np.ndarray):
@@ -195,13 +203,15 @@ class Support:
         com = (R @ centre_of_mass(body))[:2].copy()
         self.arrays = (np.array(reference, float), arm, com, *_packed(feet(body, R)[0]), *_packed(tops))
 
-    def holds(self, T: np.ndarray) -> bool:
-        """Whether the body stands stably at pose T (7,): its mass centre SUPPORT_MARGIN inside the contact polygon."""
-        return self.holds_along(T, T)
+    def is_stable(self, T: np.ndarray) -> bool:
+        """Whether the body is stable at pose T (7,): its centre of mass is SUPPORT_MARGIN inside the contact
+        polygon.
+        """
+        return self.is_stable_along(T, T)
 
-    def holds_along(self, T0: np.ndarray, T1: np.ndarray) -> bool:
-        """The same at every SUPPORT_STEP of the motion between two poses, the ends included."""
-        return bool(held_along(T0, T1, *self.arrays))
+    def is_stable_along(self, T0: np.ndarray, T1: np.ndarray) -> bool:
+        """Whether the body is stable at every SUPPORT_STEP of the motion between two poses (7,), including both."""
+        return bool(stable_along(T0, T1, *self.arrays))
 
 
 def _packed(polygons: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

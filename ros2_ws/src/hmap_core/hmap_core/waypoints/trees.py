@@ -1,20 +1,20 @@
-"""RRTConnect for one body, compiled: two trees of poses grow towards samples and towards each other.
+"""RRT-Connect for one body, compiled: two trees of poses grow towards samples and towards each other.
 
-Kuffner & LaValle, "RRT-Connect", ICRA 2000. Two things are added. A step that is blocked is tried again without its
-turn, so that a body that is lined up with a narrow passage goes on along it; and the metric in which the nearest pose
-is sought is cheap, because thousands of poses are compared for every step.
+Method: Kuffner & LaValle, "RRT-Connect: An Efficient Approach to Single-Query Path Planning", ICRA 2000. Two changes:
+a blocked step is tried again without its rotation, so that a body that is aligned with a narrow passage continues along
+it; and the metric of the nearest-neighbour search is cheap, because each step compares thousands of poses.
 """
 
 import numpy as np
 from numba import njit
 
 from hmap_core.waypoints.kernels import free_until, length, part_way
-from hmap_core.waypoints.support import held_along
+from hmap_core.waypoints.support import stable_along
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _sample(rng, space, T):
-    """A pose in ``T`` (7,), uniform in the bounds and in rotation (Shoemake 1992), or in yaw from the reference."""
+    """Sample a pose into ``T`` (7,), uniform in the bounds and in rotation (Shoemake 1992) or planar yaw."""
     planar, reference, lower, upper = space[:4]
     for k in range(3):
         T[k] = lower[k] + rng.random() * (upper[k] - lower[k])
@@ -32,7 +32,7 @@ def _sample(rng, space, T):
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=True)
 def _nearest(nodes, count, T, radius):
-    """Index of the pose of nodes[:count] nearest to T by displacement and the chord of the turn times ``radius``."""
+    """Index of the pose of nodes[:count] nearest to T, by displacement and the rotation's chord times ``radius``."""
     best, at = np.inf, 0
     weight = 8.0 * radius * radius  # chord^2 = 4 sin^2(angle / 4) * 4 = 8 (1 - |dot|)
     for i in range(count):
@@ -46,29 +46,33 @@ def _nearest(nodes, count, T, radius):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _free(T0, T1, shapes, required, extra, support, blocked, hit):
-    """Whether the body may move from T0 to T1; counts in ``blocked`` (SB,) what stops it."""
+    """Whether the motion from T0 to T1 is free and supported; counts the obstacle that blocks in ``blocked`` (SB,)."""
     VA, sA, radA, cA, bA, VB, sB, radB, lower, upper = shapes
     hit[0], hit[1] = -1, 0
     if free_until(T0, T1, VA, sA, radA, cA, bA, VB, sB, radB, lower, upper, required, extra, hit) < 1.0:
         blocked[hit[0]] += 1
         return False
     held, reference, arm, com, feet, feet_start, tops, tops_start = support
-    return not held or held_along(T0, T1, reference, arm, com, feet, feet_start, tops, tops_start)
+    return not held or stable_along(T0, T1, reference, arm, com, feet, feet_start, tops, tops_start)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def grow(nodes, parent, count, link, rng, space, shapes, required, extra, support, blocked, budget):
-    """Grow two trees until they meet, are full, or ``budget`` motions are checked; returns how many were.
+    """Grow two trees until they meet, are full, or ``budget`` motions are checked.
 
     Args:
-        nodes: (2, N, 7) poses of both trees, the roots first; parent: (2, N) index of a pose's parent, -1 for roots.
-        count: (3,) poses in each tree, rounds made; goes on from there when called again.
-        link: (2,) where the trees meet, once they do; left alone before.
+        nodes: (2, N, 7) poses of both trees, the roots first.
+        parent: (2, N) index of each pose's parent, -1 for roots.
+        count: (3,) number of poses in each tree, and of iterations; another call continues from there.
+        link: (2,) output: the nodes where the trees meet; unchanged if they do not.
         rng: numpy Generator.
         space: planar?, reference pose (7,) of planar motion, lower (3,) and upper (3,) position in m, metres that a
-            radian of turn counts as, longest step in those metres.
-        shapes, required, extra, blocked: of the checker.
-        support: whether the body is held by one, and its arrays.
+            radian of rotation counts as, longest step in those metres.
+        shapes: arrays of the checker; so are ``required``, ``extra`` and ``blocked``.
+        support: whether the body needs a support, and the arrays of the support.
+
+    Returns:
+        The number of checked motions.
     """
     radius, step = space[4], space[5]
     sample, new, spare = np.empty(7), np.empty(7), np.empty(7)
