@@ -1,4 +1,4 @@
-"""rclpy's action client, safe to be used from another thread than the executor's."""
+"""rclpy's action client, made safe for use from other threads than the executor's."""
 
 import threading
 
@@ -6,28 +6,31 @@ from rclpy.action import ActionClient as RclpyActionClient
 
 
 class ActionClient(RclpyActionClient):
-    """rclpy's client notes a question after it has sent it, and drops an answer that comes before the note is made.
+    """An action client without rclpy's race between requests and responses.
 
-    Here an answer waits until whoever is asking has made the note.
+    rclpy registers a request after it has sent it, and drops a response that arrives before that. Here the processing
+    of a response waits until the request is registered.
     """
 
     def __init__(self, *arguments, **options):
-        self._asking = threading.RLock()
+        self._sending = threading.RLock()
         super().__init__(*arguments, **options)
 
     def send_goal_async(self, *arguments, **options):
-        with self._asking:
+        """Send a goal; see rclpy."""
+        with self._sending:
             return super().send_goal_async(*arguments, **options)
 
     def _cancel_goal_async(self, goal_handle):
-        with self._asking:
+        with self._sending:
             return super()._cancel_goal_async(goal_handle)
 
     def _get_result_async(self, goal_handle):
-        with self._asking:
+        with self._sending:
             return super()._get_result_async(goal_handle)
 
     async def execute(self, taken_data):
-        with self._asking:
+        """Process a response, after the request is registered."""
+        with self._sending:
             pass
         await super().execute(taken_data)

@@ -1,11 +1,11 @@
-"""The environment of a process that talks ROS, so that a user has nothing to source.
+"""The environment of a process that uses ROS, so that users need not source anything.
 
-On a native ROS installation only the defaults below are added. With the ROS wheels of PyPI the shared libraries lie in
-the virtual environment, in ``lib`` and ``site-packages/ros_*.libs``; the loader has to know these directories when the
-process starts. The wheels care for that by starting the interpreter a second time, marked by the variable ``GUARD``.
-That mark is inherited: a process started from *another* virtual environment would keep the other's directories. Both
-functions here look at the directories themselves, so the result is right from wherever it is started, with one restart
-at most.
+On a native ROS installation only the defaults below are added. The ROS wheels of PyPI have their shared libraries in
+the virtual environment, in ``lib`` and ``site-packages/ros_*.libs``; the loader needs these directories at the start
+of the process. The wheels achieve this by starting the interpreter a second time, marked by the variable ``GUARD``.
+Child processes inherit this mark: a process from *another* virtual environment would keep the first one's
+directories. Both functions here check the directories themselves, so the result does not depend on the parent process,
+with at most one restart.
 """
 
 import os
@@ -24,11 +24,11 @@ PACKAGE = "hmap"
 def ros_environment(base: Mapping[str, str] | None = None) -> dict[str, str]:
     """The environment for a process that runs nodes: ``base`` and what it lacks.
 
-    What the user has set stays: the discovery range (default LOCALHOST) and the Fast DDS profile (default
-    ``params/fastdds.xml``, with a shared-memory segment large enough for clouds and images).
+    Values that the user has set do not change: the discovery range (default LOCALHOST) and the Fast DDS profile
+    (default ``params/fastdds.xml``, with a shared-memory segment large enough for clouds and images).
 
     Args:
-        base: the environment to start from; that of this process by default.
+        base: the environment to start from; default: that of this process.
     """
     environment = dict(os.environ if base is None else base)
     environment.setdefault(DISCOVERY, "LOCALHOST")
@@ -43,9 +43,9 @@ def ros_environment(base: Mapping[str, str] | None = None) -> dict[str, str]:
 
 
 def prepare_process() -> None:
-    """Gives this process :func:`ros_environment`; call it before anything of ROS is imported.
+    """Apply :func:`ros_environment` to this process; call it before the import of any ROS module.
 
-    Starts the interpreter once more, with the same arguments, where the loader does not know the libraries yet.
+    Restarts the interpreter with the same arguments if the loader does not know the libraries yet.
     """
     known = os.environ.get(LIBRARIES, "").split(os.pathsep)
     restart = any(path not in known for path in _library_paths())
@@ -57,10 +57,10 @@ def prepare_process() -> None:
 
 
 def share_path(relative: str) -> Path:
-    """A file of this package beside its Python modules, such as ``params/fastdds.xml``.
+    """The path of a data file of this package, such as ``params/fastdds.xml``.
 
     Raises:
-        FileNotFoundError: names every place that was looked at.
+        FileNotFoundError: the file does not exist; the message lists all directories that were searched.
     """
     places = [Path(__file__).resolve().parents[1], Path(sys.prefix) / "share" / PACKAGE]
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)

@@ -1,4 +1,4 @@
-"""How joints, controllers and cameras are called on the wire: parameters, since every driver has its own names.
+"""Names of joints, controllers and cameras in ROS: parameters, because every driver has its own names.
 
 In a format, ``{robot}`` is the robot's name in the scene, ``{joint}`` the joint's name in its model, ``{number}`` its
 number in the arm from 1, ``{camera}`` the camera's name and ``{body}`` the body's.
@@ -32,14 +32,17 @@ FIELDS = dict.fromkeys(("robot", "joint", "number", "camera", "body"), "x")
 
 
 class Naming:
-    """Names on the wire, from the parameters ``names.*`` of a node."""
+    """Names in ROS, from the parameters ``names.*`` of a node.
+
+    Args:
+        node: declares the parameters.
+        used: the keys of FORMATS that the node uses.
+
+    Raises:
+        InputError: a format has an unknown field, or gives no valid topic name.
+    """
 
     def __init__(self, node: HmapNode, *used: str):
-        """Declare the formats that the node uses.
-
-        Raises:
-            InputError: a format has a field that is not known, or gives no name of a topic.
-        """
         self._formats = {key: node.parameter(f"names.{key}", *FORMATS[key]) for key in used}
         for key, text in self._formats.items():
             try:
@@ -57,7 +60,7 @@ class Naming:
         return self._joints("arm_joint", robot, model.joint_names)
 
     def finger_joints(self, robot: str, model: RobotModel) -> list[str]:
-        """Names of the gripper's joints; none without a gripper."""
+        """Names of the gripper's joints; empty without a gripper."""
         return self._joints("finger_joint", robot, model.gripper.joint_names if model.gripper else ())
 
     def arm_action(self, robot: str) -> str:

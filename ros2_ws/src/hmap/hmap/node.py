@@ -1,4 +1,4 @@
-"""What every node has: declared parameters, a diagnostics status, answers that carry errors, and a clean end."""
+"""The base class of all nodes: declared parameters, diagnostics, responses with errors, and a clean shutdown."""
 
 import os
 import signal
@@ -28,22 +28,25 @@ from hmap_core.exceptions import HmapError
 from hmap_msgs_py.checks import ConversionError
 from hmap_msgs_py.errors import error_to_message
 
-THREADS = 12  # per process; some wait in callbacks for an answer or for a motion to end
+THREADS = 12  # per process; some callbacks wait for a response or for the end of a motion
 DIAGNOSTICS_PERIOD = 1.0  # s
-RETRY_PERIOD = 0.1  # s after an error that reached the executor
+RETRY_PERIOD = 0.1  # s of waiting after an error that reached the executor
 RCLError, UnknownROSArgsError = rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError
 YES, NO, BAD_INPUT = 0, 1, 2  # exit codes
-STARTING = "starting"  # the status at first
+STARTING = "starting"  # the first status
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class HmapNode(Node):
-    """A node whose callbacks run side by side in the reentrant group :attr:`group`.
+    """A node whose callbacks run concurrently in the reentrant group :attr:`group`.
 
     Attributes:
-        waits: whether callbacks may wait for each other; a node whose callbacks do not runs them one by one, at a
-            third of the cost.
+        waits: whether callbacks can wait for each other. A node without such callbacks runs them one by one, at a third
+            of the cost.
+        group: of all callbacks.
+        stopping: set at the shutdown.
+        spinner: spins the executor; None before the start.
     """
 
     waits = True
@@ -59,22 +62,33 @@ class HmapNode(Node):
         self.every(DIAGNOSTICS_PERIOD, self._publish_diagnostics)
 
     def started(self) -> None:
-        """Say so, where the node does not say anything better of itself."""
+        """Set the status "running", unless the node has set another one."""
         if self._status[1] == STARTING:
             self.set_status("running")
 
     def undisturbed(self, limit: float) -> AbstractContextManager:
-        """A context in which no callbacks are taken, for ``limit`` seconds at most, so that its work is done sooner."""
+        """Pause the callbacks during a context, at most ``limit`` seconds, so that a computation ends earlier."""
         return nullcontext() if self.spinner is None else self.spinner.paused(limit)
 
     def close(self) -> None:
-        """Let go of whatever waits; called before the executor is shut down."""
+        """Release waiting callbacks; called before the shutdown of the executor."""
         self.stopping.set()
 
     def parameter(
         self, name: str, default: Any, description: str, low: float | None = None, high: float | None = None
     ) -> Any:
-        """Declare a parameter that is read once, with its range where it is a number; its value."""
+        """Declare a read-only parameter.
+
+        Args:
+            name: of the parameter.
+            default: its value unless it is set.
+            description: for users.
+            low: smallest value of a number.
+            high: largest value of a number.
+
+        Returns:
+            The value.
+        """
         descriptor = ParameterDescriptor(description=description, read_only=True)
         if low is not None and high is not None:
             if isinstance(default, float):
@@ -84,11 +98,11 @@ class HmapNode(Node):
         return self.declare_parameter(name, default, descriptor).value
 
     def every(self, period: float, callback: Callable[[], None]) -> None:
-        """Call something every ``period`` seconds of real time, whatever the simulated clock does."""
+        """Call a function every ``period`` seconds of real time, independently of the simulated clock."""
         self.create_timer(period, self.guarded(callback), callback_group=self.group, clock=self._steady)
 
     def guarded(self, callback: Callable) -> Callable:
-        """The callback with its errors logged: what a message holds must not take the node down."""
+        """Wrap a callback so that its errors are logged; the content of a message must not stop the node."""
 
         def safe(*arguments):
             try:
@@ -102,20 +116,40 @@ class HmapNode(Node):
         return safe
 
     def subscribe(self, message_type: type, topic: str, callback: Callable, qos: QoSProfile | int = 10, **options):
-        """Subscribe with a guarded callback; ``options`` are those of rclpy."""
+        """Subscribe with a guarded callback.
+
+        Args:
+            message_type: of the topic.
+            topic: its name.
+            callback: called with each message.
+            qos: quality of service, or the depth of the queue.
+            options: further arguments of rclpy.
+
+        Returns:
+            The subscription.
+        """
         return self.create_subscription(
             message_type, topic, self.guarded(callback), qos, callback_group=self.group, **options
         )
 
     def serve(self, service_type: type, name: str, handler: Callable[[Any, Any], None]):
-        """Offer a service. ``handler`` fills the response; what it raises becomes the response's error."""
+        """Offer a service.
+
+        Args:
+            service_type: of the service.
+            name: its name.
+            handler: fills the response. Its exceptions become the response's error.
+
+        Returns:
+            The service.
+        """
 
         def answer(request, response):
             began = time.monotonic()
             try:
                 handler(request, response)
             except Exception as error:
-                response = service_type.Response()  # nothing half filled
+                response = service_type.Response()  # discards a partly filled response
                 response.error = error_to_message(error)
                 self.report_error(name, error)
             if hasattr(response, "planning_time"):
@@ -125,18 +159,18 @@ class HmapNode(Node):
         return self.create_service(service_type, name, answer, callback_group=self.group)
 
     def set_status(self, text: str, level: bytes = DiagnosticStatus.OK, **values: Any) -> None:
-        """What the node says of itself on ``diagnostics``."""
+        """Set the node's status on ``diagnostics``."""
         self._status = (level, text, values)
 
     def report_error(self, name: str, error: Exception) -> None:
-        """Log an error that an answer carries; only an unforeseen one with its trace."""
+        """Log an error that a response carries; unexpected errors with their trace."""
         if isinstance(error, HmapError | ConversionError):
             self.get_logger().info(f"{name}: {error}")
         else:
             self.get_logger().error(f"{name}: {''.join(traceback.format_exception(error))}")
 
     def callback_failed(self, error: Exception) -> None:
-        """Log what a callback raised that nothing guards, and let a moment pass, as it may come again at once."""
+        """Log the exception of an unguarded callback, and wait a moment, because it can be raised again at once."""
         if not self.stopping.is_set():
             self.get_logger().error(f"{''.join(traceback.format_exception(error))}")
             self.stopping.wait(RETRY_PERIOD)
@@ -155,10 +189,17 @@ class HmapNode(Node):
 
 
 def run(make_node: Callable[[], HmapNode], args: list[str] | None = None) -> int:
-    """Run a node until SIGINT or SIGTERM; the exit code.
+    """Run a node until SIGINT or SIGTERM.
 
-    rclpy's own signal handlers would shut the context down under running callbacks; here the order is: callbacks let
-    go, executor, node, context.
+    rclpy's own signal handlers would shut the context down while callbacks run. Here the order is: callbacks, executor,
+    node, context.
+
+    Args:
+        make_node: makes the node.
+        args: ROS arguments; default: those of the process.
+
+    Returns:
+        The exit code.
     """
     os.environ.update(ros_environment())
     stop = threading.Event()
@@ -166,7 +207,7 @@ def run(make_node: Callable[[], HmapNode], args: list[str] | None = None) -> int
         signal.signal(number, lambda *_: stop.set())
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except (RCLError, UnknownROSArgsError) as error:  # a parameter file that is not there, a remapping that is none
+    except (RCLError, UnknownROSArgsError) as error:  # a missing parameter file, a malformed remapping
         print("ROS arguments:", *str(error).split(), file=sys.stderr)
         return BAD_INPUT
     try:

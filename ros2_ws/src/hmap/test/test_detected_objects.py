@@ -38,23 +38,23 @@ def picture(world, scene, time: float) -> Picture:
 
 def test_a_body_of_the_scene_is_not_detected_as_new(world, scene):
     detected_objects = DetectedObjects(scene)
-    assert not detected_objects.look(picture(world, scene, 0.0))
+    assert not detected_objects.update(picture(world, scene, 0.0))
     assert not detected_objects.bodies
 
 
 def test_a_ball_is_seen_followed_and_forgotten(world, scene):
     detected_objects = DetectedObjects(scene)
     world.add_body(sphere("ball", RADIUS, PLACE))
-    assert detected_objects.look(picture(world, scene, 0.0))
+    assert detected_objects.update(picture(world, scene, 0.0))
     seen = detected_objects.bodies["ball"]
     assert seen.shapes[0].kind is ShapeKind.SPHERE and seen.kind is BodyKind.FIXED
     assert np.linalg.norm(seen.pose[:3] - PLACE) < NEAR
-    assert not detected_objects.look(picture(world, scene, 1.0))  # where it was
+    assert not detected_objects.update(picture(world, scene, 1.0))  # where it was
     world.move_body("ball", sphere("ball", RADIUS, ELSEWHERE).pose)
-    assert detected_objects.look(picture(world, scene, 2.0))
+    assert detected_objects.update(picture(world, scene, 2.0))
     assert np.linalg.norm(detected_objects.bodies["ball"].pose[:3] - ELSEWHERE) < NEAR
     world.remove_body("ball")
-    assert detected_objects.look(picture(world, scene, 3.0))
+    assert detected_objects.update(picture(world, scene, 3.0))
     assert not detected_objects.bodies
 
 
@@ -63,17 +63,17 @@ def test_a_name_that_no_body_may_have_is_replaced(world, scene):
     world.add_body(sphere("ball", RADIUS, PLACE))
     seen = picture(world, scene, 0.0)
     number = seen.names.pop("ball")
-    detected_objects.look(replace(seen, names=seen.names | {"coffee mug #2": number}))
+    detected_objects.update(replace(seen, names=seen.names | {"coffee mug #2": number}))
     assert set(detected_objects.bodies) == {f"thing_{number}"}
 
 
 def test_what_is_hidden_stays_where_it_was_seen_last(world, scene):
     detected_objects = DetectedObjects(scene)
     world.add_body(sphere("ball", RADIUS, PLACE))
-    detected_objects.look(picture(world, scene, 0.0))
+    detected_objects.update(picture(world, scene, 0.0))
     screen = sphere("screen", 0.2, PLACE + 0.3 * (scene.cameras["overhead"].pose[:3] - PLACE))
     world.add_body(screen)
-    detected_objects.look(picture(world, scene, 1.0))
+    detected_objects.update(picture(world, scene, 1.0))
     assert np.linalg.norm(detected_objects.bodies["ball"].pose[:3] - PLACE) < NEAR
 
 
@@ -83,7 +83,7 @@ def test_a_box_on_the_table_is_a_box_that_stands_on_it(world, scene):
     shape = Shape(ShapeKind.BOX, size)
     box = replace(sphere("box", RADIUS, np.array([-0.2, -0.5, top + 0.5 * size[2]])), shapes=(shape,))
     world.add_body(box)
-    detected_objects.look(picture(world, scene, 0.0))
+    detected_objects.update(picture(world, scene, 0.0))
     seen = detected_objects.bodies["box"]
     assert seen.shapes[0].kind is ShapeKind.BOX
     assert np.linalg.norm(seen.pose[:3] - box.pose[:3]) < 2 * NEAR

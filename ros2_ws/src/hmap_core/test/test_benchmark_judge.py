@@ -21,7 +21,7 @@ SWING = np.array([2.7, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # rad, about the upright 
 
 
 def instance(*bodies, attachments=(), between=None, **others) -> MotionInstance:
-    """A Panda that swings by SWING and carries along what attachments on it."""
+    """A Panda that swings by SWING and carries its attached objects along."""
     robot = panda()
     scene = scene_of("swing", 0, [table(), *bodies], [robot], Goal("table", pose()))
     end = between if between is not None else robot.q + SWING
@@ -33,8 +33,8 @@ def swing(task: MotionInstance, to: np.ndarray = SWING) -> np.ndarray:
     return task.start + np.linspace(0.0, 1.0, STEPS + 1)[:, None] * to
 
 
-def in_hand(size=(0.03, 0.03, 0.03)):
-    """A small box between the open fingers, and how it attachments."""
+def attached_box(size=(0.03, 0.03, 0.03)):
+    """A small box between the open fingers, and its attachment."""
     T = end_effector(panda(), panda().q)
     body = box("box", size, pose(T[:3], T[3:]), BodyKind.MOVABLE)
     return body, Attachment("panda", "box", 0, multiply(inverse(body.pose), T))
@@ -49,7 +49,7 @@ def wall(angle: float):
 
 
 def test_a_right_path_is_accepted():
-    body, attachment = in_hand()
+    body, attachment = attached_box()
     for task in (instance(), instance(body, attachments=[attachment]), instance(wall(-0.8))):
         assert judge(task, swing(task)) == []
 
@@ -103,8 +103,8 @@ def test_the_arm_itself():
     assert any("panda/" in t and t.count("panda/") == 2 for t in judge(task, swing(task, folded - panda().q)))
 
 
-def test_what_is_carried_hits_what_the_arm_does_not():
-    body, attachment = in_hand((0.03, 0.03, 0.3))
+def test_an_attached_object_hits_what_the_arm_does_not():
+    body, attachment = attached_box((0.03, 0.03, 0.3))
     T = end_effector(panda(), panda().q + SWING / 2)
     post = box("post", (0.02, 0.02, 0.1), pose(T[:3] - [0.0, 0.0, 0.13]))
     assert judge(instance(post), swing(instance(post))) == []
@@ -113,7 +113,7 @@ def test_what_is_carried_hits_what_the_arm_does_not():
 
 
 def test_leaving_the_support():
-    body, attachment = in_hand()
+    body, attachment = attached_box()
     on_table = replace(attachment, support="table")
     level = instance(body, attachments=[on_table])
     assert judge(level, swing(level)) == []
@@ -122,8 +122,8 @@ def test_leaving_the_support():
     assert any("box leaves table" in text for text in judge(task, swing(task, up)))
 
 
-def test_a_posture_is_judged_alone():
-    """The way there is no matter, the configuration is."""
+def test_a_single_configuration_is_judged():
+    """The motion to the configuration is not judged."""
     task = instance(wall(SWING[0] / 2), path=False)
     task = replace(task, steps_per_phase=(1,))
     ends = swing(task)[[0, -1]]

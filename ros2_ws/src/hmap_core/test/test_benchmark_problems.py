@@ -31,7 +31,7 @@ def test_starts_are_free_and_solutions_are_not_given_away(name):
         assert found and all("misses the target" in text for text in found)
 
 
-def test_postures_are_where_they_should_be():
+def test_configurations_reach_their_pose():
     robot, rng = panda(), np.random.default_rng(1)
     T = end_effector(robot, np.array([0.4, 0.2, -0.3, -1.9, 0.2, 2.0, 0.5]))
     found = configurations_at(robot, T, rng)

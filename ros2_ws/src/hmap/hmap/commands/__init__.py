@@ -1,1 +1,1 @@
-"""What the package adds to the command ``hmap``: one module per sub-command."""
+"""The sub-commands that this package adds to ``hmap``, one module each."""

@@ -1,4 +1,4 @@
-"""``hmap run NODE``: one node in the foreground, as ``ros2 run hmap NODE`` does."""
+"""``hmap run NODE``: runs one node in the foreground, as ``ros2 run hmap NODE`` does."""
 
 import argparse
 import os
@@ -13,11 +13,17 @@ HELP = "run one node in the foreground"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("node", metavar="NODE", help=", ".join(nodes()))
     parser.add_argument("rest", nargs=argparse.REMAINDER, metavar="...", help="for ROS: --ros-args -p task:=tunnel")
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Replace this process by the node's.
+
+    Raises:
+        InputError: the node is unknown.
+    """
     if arguments.node not in nodes():
         raise InputError(f"unknown node {arguments.node!r}; known: {', '.join(nodes())}")
     command = [*node_command(arguments.node), *arguments.rest]
@@ -25,6 +31,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def nodes() -> list[str]:
-    """Names of the nodes."""
+    """The names of the nodes."""
     folder = Path(find_spec("hmap.nodes").origin).parent
     return sorted(path.stem for path in folder.glob("*.py") if path.stem != "__init__")

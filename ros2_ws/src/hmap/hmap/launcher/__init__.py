@@ -1,1 +1,1 @@
-"""Starts the nodes as processes, gives them a goal, and ends them, on machines without ``ros2 launch``."""
+"""Starts the nodes as processes, sends them a goal, and ends them, on machines without ``ros2 launch``."""

@@ -1,4 +1,4 @@
-"""Node processes: started with their own logs, started again when they die, ended together."""
+"""Node processes: each has its own log, is restarted if it dies, and is ended with the others."""
 
 import os
 import signal
@@ -13,19 +13,16 @@ from pathlib import Path
 from hmap.environment import ros_environment
 from hmap_core.exceptions import ExecutionError, InputError
 
-RESPAWNABLE = ("perception", "waypoint_planner", "contact_proposer", "komo_optimiser")  # keep no state of their own
-CLOCKED = (
-    "perception",
-    "supervisor",
-    "recorder",
-    "dynamic_obstacles",
-)  # their messages have stamps; others save time
-BEHIND = ("world", "perception", "recorder", "dynamic_obstacles")  # planning goes before these where processors are few
-NICE = 10  # more than that of the planning nodes
+RESPAWNABLE = ("perception", "waypoint_planner", "contact_proposer", "komo_optimiser")  # have no state of their own
+# their messages have stamps; the others save time
+USES_SIM_TIME = ("perception", "supervisor", "recorder", "dynamic_obstacles")
+# planning has priority over these if there are few processors
+LOW_PRIORITY = ("world", "perception", "recorder", "dynamic_obstacles")
+NICE = 10  # niceness relative to the planning nodes
 MAX_STARTS = 5  # of one node
 WATCH_PERIOD = 0.2  # s
-END_TIMEOUT = 10.0  # s for a node to end after SIGINT, and again after SIGTERM
-LOG_TAIL = 15  # lines that are shown of a node that died
+END_TIMEOUT = 10.0  # s; time limit for the end of a node after SIGINT, and again after SIGTERM
+LOG_TAIL = 15  # lines of a dead node's log that are shown
 
 
 @dataclass
@@ -33,9 +30,12 @@ class NodeProcess:
     """A node of the graph.
 
     Attributes:
-        parameters: name -> value, beside use_sim_time.
-        code: exit code of the last end, None while it runs.
-        starts: how often it was started.
+        name: of the node.
+        parameters: name -> value, in addition to use_sim_time.
+        log: file of its output.
+        process: the running process.
+        starts: number of starts.
+        code: exit code of the last process; None while it runs.
     """
 
     name: str
@@ -46,23 +46,24 @@ class NodeProcess:
     code: int | None = None
 
     def start(self, environment: Mapping[str, str]) -> None:
-        """Start it in a process group of its own, so that a Ctrl-C reaches it only through us.
+        """Start the node in a process group of its own, so that Ctrl-C reaches it only through the launcher.
 
-        Not in a session of its own: Linux shares the processors out between sessions first, and then niceness says
-        nothing between them.
+        It does not get a session of its own: Linux first distributes the processors among sessions, and niceness has no
+        effect between these.
         """
         self.starts += 1
         self.code = None
+        parameters = dict(self.parameters) | {"use_sim_time": self.name in USES_SIM_TIME}
         with self.log.open("ab") as log:
             self.process = subprocess.Popen(
-                node_command(self.name, _assignments(dict(self.parameters) | {"use_sim_time": self.name in CLOCKED})),
+                node_command(self.name, _assignments(parameters)),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
                 env=dict(environment),
                 process_group=0,
             )
-        if self.name in BEHIND:
+        if self.name in LOW_PRIORITY:
             niceness = os.getpriority(os.PRIO_PROCESS, 0) + NICE
             os.setpriority(os.PRIO_PROCESS, self.process.pid, min(niceness, 19))
 
@@ -72,7 +73,12 @@ class NodeProcess:
 
 
 def node_command(name: str, assignments: list[str] | None = None) -> list[str]:
-    """The command line of a node."""
+    """The command line of a node.
+
+    Args:
+        name: of the node.
+        assignments: parameters as "name:=value".
+    """
     arguments = [word for text in assignments or [] for word in ("-p", text)]
     return [sys.executable, "-m", f"hmap.nodes.{name}", *(["--ros-args", *arguments] if arguments else [])]
 
@@ -83,7 +89,7 @@ def _assignments(parameters: Mapping[str, object]) -> list[str]:
 
 @dataclass
 class Graph:
-    """The node processes of one run. Used as a context: all have ended when it is left."""
+    """The node processes of one run. It is a context manager; all nodes have ended at its exit."""
 
     folder: Path  # of the logs
     nodes: dict[str, NodeProcess] = field(default_factory=dict)
@@ -109,12 +115,16 @@ class Graph:
             node.start(self._environment)
 
     def check(self) -> None:
-        """Raises when a node has died for good."""
+        """Check that all nodes run.
+
+        Raises:
+            ExecutionError: a node has died and is not restarted.
+        """
         if self._failure:
             raise ExecutionError(self._failure)
 
     def end(self) -> None:
-        """End all nodes: SIGINT, then SIGTERM, then SIGKILL; the recorder last, so that it sees the others end."""
+        """End all nodes with SIGINT, then SIGTERM, then SIGKILL; the recorder last, to record the others' end."""
         if self._ending.is_set():
             return
         self._ending.set()
@@ -124,7 +134,7 @@ class Graph:
             self._end([self.nodes[name] for name in names])
 
     def exit_codes(self) -> dict[str, int | None]:
-        """Node -> its exit code, once it has ended."""
+        """Map each node to its exit code, None while it runs."""
         return {name: node.code for name, node in self.nodes.items()}
 
     def _end(self, nodes: list[NodeProcess]) -> None:
@@ -164,10 +174,10 @@ def _send(process: subprocess.Popen, number: int) -> None:
 
 
 def output_folder(base: Path, task: str, seed: int) -> Path:
-    """A new folder ``<task>-<seed>-<time>`` in ``base``.
+    """Make a new folder ``<task>-<seed>-<time>`` in ``base``.
 
     Raises:
-        InputError: it cannot be made.
+        InputError: the folder cannot be made.
     """
     stamp = time.strftime("%Y%m%d-%H%M%S")
     name = f"{Path(task).with_suffix('').name if task.endswith(('.yaml', '.yml')) else task.replace('/', '_')}-{seed}"

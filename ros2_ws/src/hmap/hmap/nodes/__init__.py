@@ -1,1 +1,1 @@
-"""The nodes, one module each: ``main`` runs it as a process."""
+"""The ROS 2 nodes, one module each."""

@@ -1,4 +1,4 @@
-"""The node ``dynamic_obstacles``: makes bodies appear near the object's path and move on while a plan is executed."""
+"""The node ``dynamic_obstacles``: adds bodies near the object's path and moves them during the execution of a plan."""
 
 import sys
 import threading
@@ -26,13 +26,13 @@ from hmap_msgs_py.bodies import body_to_message
 from hmap_msgs_py.poses import pose_to_message
 
 NAME = "obstacle_{number}"
-ANSWER_LIMIT = 10.0  # s for the world to answer
-PATH_LIMIT = 1.0  # s for finding out whether the object still has a path
+ANSWER_LIMIT = 10.0  # s; time limit of calls to the world
+PATH_LIMIT = 1.0  # s; time limit of the search for a path of the object
 PATH_STEP = 0.02  # m between the poses of the path near which obstacles appear
 
 
 class DynamicObstacles(HmapNode):
-    """Follows ``plan`` and ``planner_status``; adds and moves bodies through the services of ``world``."""
+    """Subscribes to ``plan`` and ``planner_status``; adds and moves bodies through the services of ``world``."""
 
     def __init__(self):
         super().__init__("dynamic_obstacles")
@@ -50,9 +50,9 @@ class DynamicObstacles(HmapNode):
         self._radii = (smallest, largest)
         self._rng = np.random.default_rng(seed)
         self._remote = Caller(self, ANSWER_LIMIT, self.stopping.is_set)
-        self._turn = threading.Lock()
+        self._step_lock = threading.Lock()
         self._plan: Plan | None = None
-        self._begun = 0  # stretches, of all plans
+        self._begun = 0  # stretches that have started, of all plans
         self._body: Body | None = None
         self._appeared, self._moved = 0, 0
         self.subscribe(PlanMessage, "plan", self._take_plan, LATCHED)
@@ -67,8 +67,8 @@ class DynamicObstacles(HmapNode):
         self._begun += message.phase == PlannerStatus.EXECUTION
 
     def _step(self) -> None:
-        """The next thing that happens, if it is time for one."""
-        if self._plan is None or self._begun < self._after or not self._turn.acquire(blocking=False):
+        """Execute the next event, if it is due."""
+        if self._plan is None or self._begun < self._after or not self._step_lock.acquire(blocking=False):
             return
         try:
             if self._body is not None and self._moved < self._moves:
@@ -78,31 +78,31 @@ class DynamicObstacles(HmapNode):
         except HmapError as error:
             self.set_status(str(error), DiagnosticStatus.WARN)
         finally:
-            self._turn.release()
+            self._step_lock.release()
 
     def _appear(self) -> None:
         scene, state = self._world()
         number = self._appeared + 1
         while NAME.format(number=number) in scene.bodies:
             number += 1
-        body = self._source(scene, state).appear(state, NAME.format(number=number), self._radii)
+        body = self._obstacle_source(scene, state).appear(state, NAME.format(number=number), self._radii)
         if body is None:
             self.set_status("no free place near the path", DiagnosticStatus.WARN)
             return
         self._call(AddBody, "add_body", AddBody.Request(body=body_to_message(body)))
         self._appeared, self._moved, self._body = self._appeared + 1, 0, body
-        self._tell("appears")
+        self._report("appears")
 
     def _move(self) -> None:
         scene, state = self._world()
         self._moved += 1
-        body = self._source(scene, state).move(state, self._body) if self._body.name in scene.bodies else None
+        body = self._obstacle_source(scene, state).move(state, self._body) if self._body.name in scene.bodies else None
         if body is not None:
             self._call(MoveBody, "move_body", MoveBody.Request(name=body.name, pose=pose_to_message(body.pose)))
             self._body = body
-            self._tell("moves")
+            self._report("moves")
 
-    def _tell(self, what: str) -> None:
+    def _report(self, what: str) -> None:
         place = ", ".join(f"{value:.3f}" for value in self._body.pose[:3])
         text = f"{self._body.name} {what} at ({place}), radius {self._body.shapes[0].size[0]:.3f} m"
         self.get_logger().info(text)
@@ -113,14 +113,14 @@ class DynamicObstacles(HmapNode):
         scene = scene_from_message(response.scene).with_goal(self._plan.scene.goal)
         return scene, state_from_message(scene, response.world)
 
-    def _source(self, scene: Scene, state: SceneState) -> ObstacleSource:
+    def _obstacle_source(self, scene: Scene, state: SceneState) -> ObstacleSource:
         path = remaining_path(self._plan, state.poses[scene.goal.object])
-        return ObstacleSource(scene, path, self._rng, lambda body: self._allowed(scene, state, path, body))
+        return ObstacleSource(scene, path, self._rng, lambda body: self._is_allowed(scene, state, path, body))
 
-    def _allowed(self, scene: Scene, state: SceneState, path: np.ndarray, body: Body) -> bool:
+    def _is_allowed(self, scene: Scene, state: SceneState, path: np.ndarray, body: Body) -> bool:
         name = scene.goal.object
-        beside = object_clearances(body_set(scene.bodies[name]), path, body).min() > PATH_STEP
-        if beside or not self._keep_path:
+        keeps_clear = object_clearances(body_set(scene.bodies[name]), path, body).min() > PATH_STEP
+        if keeps_clear or not self._keep_path:
             return True
         others = [other for other in placed_bodies(scene, state, name) if other.name != body.name]
         start, goal = state.poses[name], scene.goal.pose
@@ -136,7 +136,15 @@ class DynamicObstacles(HmapNode):
 
 
 def remaining_path(plan: Plan, pose: np.ndarray) -> np.ndarray:
-    """Poses (M, 7) that the plan's object has ahead of it when it is near ``pose`` (7,), PATH_STEP apart."""
+    """The part of the object's path that is still ahead.
+
+    Args:
+        plan: the plan.
+        pose: T_world_obj (7,) of the plan's object.
+
+    Returns:
+        Poses (M, 7), PATH_STEP apart.
+    """
     poses = plan.trajectory.objects[plan.scene.goal.object]
     far = [sum(transforms.distance(pose, T)) for T in poses]
     ahead = poses[int(np.argmin(far)) :]
@@ -146,6 +154,7 @@ def remaining_path(plan: Plan, pose: np.ndarray) -> np.ndarray:
 
 
 def main(args: list[str] | None = None) -> int:
+    """Run the node; the exit code."""
     return run(DynamicObstacles, args)
 
 

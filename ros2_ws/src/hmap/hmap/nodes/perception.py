@@ -1,4 +1,4 @@
-"""The node ``perception``: fuses what the sensors say into ``world_state`` and clouds of the objects."""
+"""The node ``perception``: combines measurements into ``world_state`` and clouds of the objects."""
 
 import sys
 from collections.abc import Callable
@@ -38,7 +38,7 @@ CAMERA_TOPICS = {
 
 
 class Perception(HmapNode):
-    """Publishes where everything is, as long as the sensors say so."""
+    """Publishes the state of the world while measurements are up to date."""
 
     waits = False
 
@@ -55,9 +55,9 @@ class Perception(HmapNode):
         self._clouds = self.create_publisher(ObjectClouds, "object_clouds", LATCHED)
         self._new = self.create_publisher(BodyArray, "new_object", LATCHED)
         self._fusion: Fusion | None = None
-        self._strangers: DetectedObjects | None = None
-        self._told: set[str] = set()  # bodies that `scene` has told of since it was loaded
-        self._reported = False  # whether `new_object` holds anything
+        self._detected: DetectedObjects | None = None
+        self._announced: set[str] = set()  # bodies that `scene` has announced since it was loaded
+        self._reported = False  # whether the last message of `new_object` has bodies
         self._scene_subscriptions: list = []
         self._seen: dict[str, dict[str, object]] = {}  # object -> camera -> its cloud
         self.subscribe(JointState, "joint_states", self._take_joints)
@@ -82,48 +82,51 @@ class Perception(HmapNode):
         fusion = Fusion(scene, arms, fingers)
         changed = previous is not None and _bodies_changed(previous, scene)
         if changed:
-            fusion.take_over(self._fusion)
-            self._strangers.scene = scene
-            self._told |= scene.bodies.keys() - previous.bodies.keys()
+            fusion.copy_measurements(self._fusion)
+            self._detected.scene = scene
+            self._announced |= scene.bodies.keys() - previous.bodies.keys()
         else:
-            self._strangers, self._told = DetectedObjects(scene), set()
+            self._detected, self._announced = DetectedObjects(scene), set()
         self._fusion = fusion
         self._seen = {}
         for subscription in self._scene_subscriptions:
             self.destroy_subscription(subscription)
-        self._scene_subscriptions = [self._follow_body(name) for name in self._fusion.tracked]
+        self._scene_subscriptions = [self._subscribe_to_body(name) for name in self._fusion.tracked]
         for camera in scene.cameras.values():
             parts = PictureParts(camera)
             for part, (topic, kind) in CAMERA_TOPICS.items():
                 name = f"{self._naming.camera(camera.name)}/{topic}"
-                self._follow_camera(kind, name, partial(self._take_picture, parts, part))
+                self._subscribe_to_camera(kind, name, partial(self._take_picture, parts, part))
         self._report_new()
         self.set_status("waiting for measurements", task=scene.task, seed=scene.seed)
 
-    def _follow_body(self, name: str):
+    def _subscribe_to_body(self, name: str):
         take = partial(self._take_pose, name)
         return self.subscribe(PoseStamped, self._naming.body_pose(name), take, qos_profile_sensor_data)
 
-    def _follow_camera(self, kind: type, name: str, take: Callable) -> None:
-        """``world`` keeps its last picture for who comes late; most drivers keep none, and are followed without."""
-        followed = []
+    def _subscribe_to_camera(self, kind: type, name: str, take: Callable) -> None:
+        """Subscribe to a latched topic, or without latching if the publisher does not offer it.
 
-        def follow_live(_) -> None:
-            if not followed:
-                followed.append(self.subscribe(kind, name, take, qos_profile_sensor_data))
-                self._scene_subscriptions.extend(followed)
+        ``world`` keeps its last picture for late subscribers; most drivers keep none.
+        """
+        volatile = []
 
-        events = SubscriptionEventCallbacks(incompatible_qos=follow_live)
+        def subscribe_volatile(_) -> None:
+            if not volatile:
+                volatile.append(self.subscribe(kind, name, take, qos_profile_sensor_data))
+                self._scene_subscriptions.extend(volatile)
+
+        events = SubscriptionEventCallbacks(incompatible_qos=subscribe_volatile)
         self._scene_subscriptions.append(self.subscribe(kind, name, take, LATCHED, event_callbacks=events))
 
     def _report_new(self, stamp: Time | None = None) -> None:
-        """All that has come since the scene was loaded: what `scene` told of, and what only the cameras have seen."""
-        told = [body for name, body in self._fusion.scene.bodies.items() if name in self._told]
-        seen = [body for name, body in self._strangers.bodies.items() if name not in self._fusion.scene.bodies]
-        if not told and not seen and not self._reported:
+        """Publish all new bodies since the scene was loaded: announced on `scene`, or only detected by cameras."""
+        announced = [body for name, body in self._fusion.scene.bodies.items() if name in self._announced]
+        seen = [body for name, body in self._detected.bodies.items() if name not in self._fusion.scene.bodies]
+        if not announced and not seen and not self._reported:
             return
-        self._reported = bool(told or seen)
-        message = BodyArray(bodies=[body_to_message(body) for body in (*told, *seen)])
+        self._reported = bool(announced or seen)
+        message = BodyArray(bodies=[body_to_message(body) for body in (*announced, *seen)])
         message.header.stamp, message.header.frame_id = stamp or self.get_clock().now().to_msg(), FRAME
         self._new.publish(message)
 
@@ -144,7 +147,7 @@ class Perception(HmapNode):
     def _take_picture(self, parts: PictureParts, part: str, message) -> None:
         picture = parts.add(part, message)
         if picture is not None:
-            if self._strangers.look(picture):
+            if self._detected.update(picture):
                 self._report_new(time_to_message(picture.time))
             self._update_clouds(picture)
 
@@ -186,7 +189,7 @@ class Perception(HmapNode):
 
     def _check_age(self, time: float) -> None:
         now = self.get_clock().now().nanoseconds * 1e-9
-        if now == 0.0:  # age would never show
+        if now == 0.0:  # the age could not be computed
             raise InputError("use_sim_time is set, but no time has come on /clock", Code.STALE_STATE)
         age = now - time
         if age > self._stale_after or not np.isfinite(age):
@@ -196,12 +199,13 @@ class Perception(HmapNode):
 
 
 def _bodies_changed(previous: Scene, scene: Scene) -> bool:
-    """Whether bodies of a scene came, went or were moved; false for another scene, or one put back to its start."""
+    """Whether bodies of a scene were added, removed or moved; false for another scene, or for one that was reset."""
     same = (previous.task, previous.seed) == (scene.task, scene.seed)
     return same and scene_to_message(previous).text != scene_to_message(scene).text
 
 
 def main(args: list[str] | None = None) -> int:
+    """Run the node; the exit code."""
     return run(Perception, args)
 
 

@@ -1,4 +1,4 @@
-"""The node ``recorder``: an MCAP bag of the run, which opens without ROS and without hmap."""
+"""The node ``recorder``: writes an MCAP bag of the run that can be read without ROS and without hmap."""
 
 import re
 import sys
@@ -14,9 +14,9 @@ from hmap.node import HmapNode, run
 from hmap_core.exceptions import InputError
 from hmap_msgs_py.definitions import typestore
 
-BAG_VERSION = 9  # of the metadata, as rosbag2 of Jazzy writes it
+BAG_VERSION = 9  # version of the metadata, as in rosbag2 of Jazzy
 DEPTH = 100  # messages in the queue of a subscription
-DISCOVERY_PERIOD = 0.5  # s between looks for new topics
+DISCOVERY_PERIOD = 0.5  # s between two searches for new topics
 TOPICS = [
     "clock",
     "diagnostics",
@@ -35,7 +35,7 @@ TOPICS = [
 
 
 class Recorder(HmapNode):
-    """Writes every message of the chosen topics as it came."""
+    """Writes every message of the chosen topics unchanged."""
 
     waits = False
 
@@ -63,6 +63,7 @@ class Recorder(HmapNode):
         self.every(DISCOVERY_PERIOD, self._discover)
 
     def close(self) -> None:
+        """Close the bag."""
         super().close()
         with self._lock:
             if self._open:
@@ -71,7 +72,7 @@ class Recorder(HmapNode):
 
     def _discover(self) -> None:
         for topic, kinds in self.get_topic_names_and_types():
-            # without a publisher one cannot know how to subscribe
+            # the quality of service is unknown without a publisher
             chosen = topic not in self._topics and any(pattern.fullmatch(topic) for pattern in self._wanted)
             if chosen and self.count_publishers(topic):
                 self._topics.add(topic)
@@ -100,7 +101,7 @@ class Recorder(HmapNode):
         self.create_subscription(message_type, topic, self.guarded(write), qos, callback_group=self.group, raw=True)
 
     def _qos(self, topic: str) -> QoSProfile:
-        """What every publisher of the topic can serve."""
+        """A quality of service that all publishers of the topic are compatible with."""
         offered = [info.qos_profile for info in self.get_publishers_info_by_topic(topic)]
         reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
         latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
@@ -112,6 +113,7 @@ class Recorder(HmapNode):
 
 
 def main(args: list[str] | None = None) -> int:
+    """Run the node; the exit code."""
     return run(Recorder, args)
 
 

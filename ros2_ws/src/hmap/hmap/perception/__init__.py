@@ -1,1 +1,1 @@
-"""The parts of the node ``perception``: what the sensors said last, and clouds from pictures."""
+"""The parts of the node ``perception``: the newest measurements, and clouds from pictures."""

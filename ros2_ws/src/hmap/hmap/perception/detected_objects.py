@@ -1,4 +1,4 @@
-"""Things that cameras see and that nobody has told of: their shapes, followed from picture to picture."""
+"""Objects that cameras see and that are not in the scene: their estimated shapes, tracked over pictures."""
 
 import re
 from dataclasses import dataclass, field
@@ -12,17 +12,18 @@ from hmap_core.contacts.estimate import estimate_body, track_body
 from hmap_core.scenes.fields import NAME_PATTERN
 from hmap_core.types import Body, Scene, ShapeKind
 
-MOVED = 0.004  # m; a thing whose estimated place or size changes less is where it was
+MOVED = 0.004  # m; smaller changes of an estimated position or size count as none
 
 
 @dataclass
 class DetectedObjects:
-    """The things in the instance masks that are neither bodies nor robots of a scene.
+    """The objects in instance masks that are neither bodies nor robots of a scene.
 
-    A thing that a picture does not show, because an arm is in front of it, stays where it was seen last; one that the
-    segmentation has no number for any more is gone.
+    An object that a picture does not show, because an arm is in front of it, keeps its last pose. An object that is no
+    longer in the segmentation's list of names is removed.
 
     Attributes:
+        scene: the known bodies and robots.
         bodies: name -> the estimated body.
     """
 
@@ -30,8 +31,8 @@ class DetectedObjects:
     bodies: dict[str, Body] = field(default_factory=dict)
     _points: dict[str, dict[str, tuple[float, np.ndarray]]] = field(default_factory=dict)  # name -> camera -> points
 
-    def look(self, picture: Picture) -> bool:
-        """Take in a picture; whether anything has appeared, moved or gone."""
+    def update(self, picture: Picture) -> bool:
+        """Process a picture; whether an object has appeared, moved or disappeared."""
         known = self.scene.bodies.keys() | self.scene.robots.keys()
         names = {_name(name, number): number for name, number in picture.names.items() if name not in known}
         changed = False
@@ -40,25 +41,25 @@ class DetectedObjects:
             self._points.pop(name, None)
             changed = True
         for name, number in names.items():
-            changed |= self._follow(name, picture, picture.mask == number)
+            changed |= self._track(name, picture, picture.mask == number)
         return changed
 
-    def _follow(self, name: str, picture: Picture, mask: np.ndarray) -> bool:
-        world = transforms.IDENTITY  # nothing is known of a frame of its own
+    def _track(self, name: str, picture: Picture, mask: np.ndarray) -> bool:
+        world = transforms.IDENTITY  # the object has no frame of its own
         points = cloud_from_depth(picture.depth, mask, picture.intrinsics, picture.camera.pose, world).points
         seen = self._points.setdefault(name, {})
         seen[picture.camera.name] = (picture.time, points)
-        together = np.concatenate([points for time, points in seen.values() if time == picture.time])
+        all_points = np.concatenate([points for time, points in seen.values() if time == picture.time])
         known = self.bodies.get(name)
-        body = track_body(known, together, picture.camera.pose[:3]) if known else None
-        body = body or estimate_body(name, together, self._floor(together))
+        body = track_body(known, all_points, picture.camera.pose[:3]) if known else None
+        body = body or estimate_body(name, all_points, self._floor(all_points))
         if body is None or (name in self.bodies and not _differs(self.bodies[name], body)):
             return False
         self.bodies[name] = body
         return True
 
     def _floor(self, points: np.ndarray) -> float:
-        """Height (m) of the highest box below the points on which they could stand; -inf where there is none."""
+        """Height (m) of the highest box below the points that they could stand on; -inf without one."""
         if not len(points):
             return -np.inf
         middle, low = np.median(points, axis=0), points[:, 2].min()
@@ -67,12 +68,12 @@ class DetectedObjects:
 
 
 def _name(name: str, number: int) -> str:
-    """The name of a thing as a body may have it; segmentation may call it anything."""
+    """The name of an object as a valid body name; segmentation can use any text."""
     return name if re.fullmatch(NAME_PATTERN, name) else f"thing_{number}"
 
 
 def _top_under(body: Body, place: np.ndarray) -> float:
-    """Height (m) of the upper side of a body's upright boxes at a place (2,); inf where it has none there."""
+    """Height (m) of the top of a body's upright boxes at a point (2,); inf without one there."""
     tops = []
     for shape in body.shapes:
         T = transforms.multiply(body.pose, shape.pose)

@@ -1,4 +1,4 @@
-"""What joint states and motion capture have said of a scene, put together into one state."""
+"""Joint states and motion capture of one scene, combined into one state."""
 
 import threading
 from collections import deque
@@ -9,18 +9,19 @@ import numpy as np
 from hmap_core.exceptions import Code, InputError
 from hmap_core.types import BodyKind, Scene, SceneState
 
-POSES_KEPT = 200  # per body, to find where it was when a picture was taken
+POSES_KEPT = 200  # per body, to find its pose at the time of a picture
 
 
 class Fusion:
-    """The newest measurements of one scene; times are in seconds of the sensors' clock."""
+    """The newest measurements of one scene. Times are in seconds of the sensors' clock.
+
+    Args:
+        scene: the scene.
+        arm_joints: robot -> names of its arm's joints in the joint states, base to tip.
+        finger_joints: robot -> names of its gripper's joints there; empty without a gripper.
+    """
 
     def __init__(self, scene: Scene, arm_joints: Mapping[str, list[str]], finger_joints: Mapping[str, list[str]]):
-        """
-        Args:
-            arm_joints: robot -> names of its arm's joints in the joint states, base to tip.
-            finger_joints: robot -> names of its gripper's joints there; empty without a gripper.
-        """
         self.scene = scene
         self._arm_joints, self._finger_joints = arm_joints, finger_joints
         self._lock = threading.Lock()
@@ -31,21 +32,27 @@ class Fusion:
 
     @property
     def tracked(self) -> list[str]:
-        """The bodies whose poses are measured."""
+        """The bodies with measured poses."""
         return list(self._poses)
 
-    def take_over(self, previous: "Fusion") -> None:
-        """Keep what was measured of the robots and bodies of the same task before."""
+    def copy_measurements(self, previous: "Fusion") -> None:
+        """Copy the measurements of the robots and bodies that both scenes have."""
         with previous._lock, self._lock:
             self._joints |= previous._joints
             for name in self._poses.keys() & previous._poses.keys():
                 self._poses[name].extend(previous._poses[name])
 
     def add_joints(self, time: float, names, positions, velocities) -> None:
-        """Take in joint states; unknown joints are left out.
+        """Add joint states; unknown joints are ignored.
+
+        Args:
+            time: s.
+            names: of the joints.
+            positions: rad or m.
+            velocities: rad/s or m/s; empty: zero.
 
         Raises:
-            InputError: the numbers of values differ, or one is not finite.
+            InputError: the numbers of values differ, or a value is not finite.
         """
         velocities = velocities if len(velocities) else np.zeros(len(positions))
         if not len(names) == len(positions) == len(velocities):
@@ -59,21 +66,24 @@ class Fusion:
                 self._joints[name] = (time, float(values[0, i]), float(values[1, i]))
 
     def add_pose(self, time: float, body: str, pose: np.ndarray) -> None:
-        """Take in where a body is: ``T_world_body`` (7,)."""
+        """Add a measured pose ``T_world_body`` (7,) of a body at a time (s)."""
         with self._lock:
             self._poses[body].append((time, pose))
 
     def pose_at(self, body: str, time: float) -> np.ndarray | None:
-        """Where a body was at the measurement nearest to an instant; None before the first."""
+        """T_world_body (7,) from the measurement nearest to a time (s); None before the first measurement."""
         with self._lock:
             measured = list(self._poses.get(body, ()))
         return min(measured, key=lambda entry: abs(entry[0] - time))[1] if measured else None
 
     def state(self) -> tuple[float, SceneState, dict[str, np.ndarray]]:
-        """Time of the oldest measurement in it (s), where everything is, and robot -> joint velocities (n,).
+        """Combine the newest measurements.
+
+        Returns:
+            Time of the oldest measurement used (s), the state of the scene, and robot -> joint velocities (n,).
 
         Raises:
-            InputError: STALE_STATE; something has never been measured.
+            InputError: STALE_STATE; a joint or body has not been measured yet.
         """
         with self._lock:
             wanted = [

@@ -1,4 +1,4 @@
-"""Depth pictures with instance masks: kept until the parts of one belong together."""
+"""Depth pictures with instance masks: messages are collected until those with the same stamp are complete."""
 
 import threading
 from dataclasses import dataclass, field
@@ -11,7 +11,8 @@ from hmap_msgs_py.images import depth_from_message, image_from_message
 from hmap_msgs_py.times import seconds_from_message
 
 PARTS = ("depth", "info", "mask", "names")
-KEPT = 30  # incomplete pictures per camera: a mask takes its time, while depth images go on coming; 1 s at 30 Hz
+# incomplete pictures per camera: masks are slow, and depth images arrive in the meantime; 1 s at 30 Hz
+KEPT = 30
 
 
 @dataclass(frozen=True)
@@ -19,11 +20,12 @@ class Picture:
     """What one camera saw at one instant.
 
     Attributes:
+        camera: the camera.
         time: s.
-        depth: (H, W) m, NaN where there is none.
+        depth: (H, W) m, NaN without a measurement.
         mask: (H, W) instance numbers.
         names: body -> its number.
-        intrinsics: (3, 3).
+        intrinsics: (3, 3) pinhole matrix.
     """
 
     camera: Camera
@@ -36,14 +38,26 @@ class Picture:
 
 @dataclass
 class PictureParts:
-    """Collects depth, mask, names and camera info of the same stamp, in whatever order and however late they come."""
+    """Collects depth, mask, names and camera info with the same stamp, in any order and with any delay."""
 
     camera: Camera
     _incomplete: dict[tuple[int, int], dict[str, object]] = field(default_factory=dict)  # stamp -> parts
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def add(self, part: str, message) -> Picture | None:
-        """Take in a message; the picture, once it is complete."""
+        """Add a message.
+
+        Args:
+            part: one of PARTS.
+            message: the message.
+
+        Returns:
+            The picture once it is complete, otherwise None.
+
+        Raises:
+            InputError: the camera info has no focal lengths, or names and numbers differ in length.
+            ConversionError: an image is malformed.
+        """
         stamp = (message.header.stamp.sec, message.header.stamp.nanosec)
         with self._lock:
             parts = self._incomplete.setdefault(stamp, {})
@@ -56,7 +70,7 @@ class PictureParts:
 
     def _forget(self) -> None:
         while len(self._incomplete) > KEPT:
-            del self._incomplete[next(iter(self._incomplete))]  # the first that came
+            del self._incomplete[next(iter(self._incomplete))]  # the oldest one
 
     def _picture(self, depth, info, mask, names) -> Picture:
         K = np.array(info.k, float).reshape(3, 3)

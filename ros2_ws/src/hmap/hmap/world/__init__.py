@@ -1,1 +1,1 @@
-"""The parts of the node ``world``: the stepping thread, the controllers' actions, the cameras."""
+"""The parts of the node ``world``: the simulation thread, the controllers' actions, the cameras."""

@@ -1,4 +1,4 @@
-"""The controllers' actions: FollowJointTrajectory and GripperCommand, as ros2_control offers them."""
+"""The controllers' actions: FollowJointTrajectory and GripperCommand, as in ros2_control."""
 
 import numpy as np
 from control_msgs.action import FollowJointTrajectory, GripperCommand
@@ -14,17 +14,24 @@ from hmap_core.types import JointTrajectory, Robot
 from hmap_msgs_py.checks import ConversionError
 from hmap_msgs_py.times import joint_trajectory_from_message, seconds_from_message, time_to_message
 
-POLL = 0.05  # s of real time between looks at a cancel request; feedback is sent as often
+POLL = 0.05  # s of real time between checks for a cancel request, and between feedback messages
 
 ERROR_CODES = {
     Outcome.PATH_TOLERANCE_VIOLATED: FollowJointTrajectory.Result.PATH_TOLERANCE_VIOLATED,
     Outcome.GOAL_TOLERANCE_VIOLATED: FollowJointTrajectory.Result.GOAL_TOLERANCE_VIOLATED,
 }
-ENDED_WELL = (Outcome.SUCCEEDED, Outcome.STALLED)  # a gripper that holds something stalls
+ENDED_WELL = (Outcome.SUCCEEDED, Outcome.STALLED)  # a gripper that has grasped an object stalls
 
 
 class ControllerActions:
-    """The action servers of one robot."""
+    """The action servers of one robot.
+
+    Args:
+        node: the node that offers them.
+        loop: the simulation.
+        naming: names of joints and actions.
+        robot: the robot.
+    """
 
     def __init__(self, node: HmapNode, loop: WorldLoop, naming: Naming, robot: Robot):
         self._node, self._loop, self._robot = node, loop, robot
@@ -36,7 +43,7 @@ class ControllerActions:
             self._servers.append(self._server(GripperCommand, naming.gripper_action(robot.name), self._grip))
 
     def destroy(self) -> None:
-        """Take the servers away."""
+        """Remove the servers."""
         for server in self._servers:
             server.destroy()
 
@@ -71,7 +78,7 @@ class ControllerActions:
         return JointTrajectory(self._robot.model.joint_names, *samples), self._tolerances(goal)
 
     def _tolerances(self, goal: FollowJointTrajectory.Goal) -> Tolerances:
-        """The goal's own tolerances over the defaults; a negative one means any."""
+        """The goal's own tolerances, or the defaults; a negative tolerance means unlimited."""
         default = Tolerances()
         goal_time = seconds_from_message(goal.goal_time_tolerance)
         return Tolerances(
@@ -115,7 +122,7 @@ class ControllerActions:
 
     def _tracking(self, tracking) -> FollowJointTrajectory.Feedback:
         message = FollowJointTrajectory.Feedback(joint_names=list(self._joints))
-        message.header.stamp = time_to_message(self._loop.world.time)  # as that of the joint states
+        message.header.stamp = time_to_message(self._loop.world.time)  # the same clock as the joint states
         message.desired.positions, message.desired.velocities = tracking.q.tolist(), tracking.qd.tolist()
         message.actual.positions, message.actual.velocities = tracking.q_actual.tolist(), tracking.qd_actual.tolist()
         message.error.positions = tracking.error.tolist()

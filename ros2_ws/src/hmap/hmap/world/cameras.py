@@ -1,4 +1,4 @@
-"""Simulated depth cameras: the topics of realsense2_camera, and an image of which pixel shows which body."""
+"""Simulated depth cameras: the topics of realsense2_camera, and an instance mask."""
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -25,7 +25,15 @@ TOPICS = {
 
 
 class CameraPublisher:
-    """Publishes the pictures of one camera. Latched: pictures are few, and who comes late needs one."""
+    """Publishes the pictures of one camera.
+
+    The topics are latched: pictures are rare, and a late subscriber needs one.
+
+    Args:
+        node: the node that publishes.
+        camera: the camera.
+        namespace: of the topics.
+    """
 
     def __init__(self, node: HmapNode, camera: Camera, namespace: str):
         self.camera = camera
@@ -36,7 +44,7 @@ class CameraPublisher:
         self._node = node
 
     def publish(self, image: CameraImage, stamp: Time) -> None:
-        """Publish what the camera sees."""
+        """Publish one picture."""
         depth = np.nan_to_num(image.depth / DEPTH_UNIT, nan=NO_DEPTH).round().clip(0, 65535).astype(np.uint16)
         pictures = {"color": (image.color, "rgb8"), "depth": (depth, "16UC1"), "mask": (image.mask, "16UC1")}
         info = self._info(stamp)
@@ -49,7 +57,7 @@ class CameraPublisher:
         self._publishers["depth_info"].publish(info)
 
     def destroy(self) -> None:
-        """Take the topics away."""
+        """Remove the topics."""
         for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
 

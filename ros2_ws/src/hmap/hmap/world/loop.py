@@ -1,4 +1,4 @@
-"""The thread that owns the simulation: steps it, drives the controllers, and takes calls in between."""
+"""The thread that owns the simulation: it steps it, updates the controllers, and executes calls in between."""
 
 import queue
 import threading
@@ -13,21 +13,22 @@ from hmap_core.simulation.controllers import GripperController, Outcome, Toleran
 from hmap_core.simulation.world import SimulatedWorld
 from hmap_core.types import JointTrajectory, Scene
 
-CHUNK = 5  # steps between two looks at calls and clocks
-CALL_TIMEOUT = 10.0  # s of real time for a call to be taken
-MAX_LAG = 0.2  # s of real time; a simulation that is further behind does not catch up
+CHUNK = 5  # steps between two checks of calls and clocks
+CALL_TIMEOUT = 10.0  # s of real time until a call has to be executed
+MAX_LAG = 0.2  # s of real time; a simulation does not catch up a larger delay
 
 T = TypeVar("T")
 
 
 @dataclass
 class Motion:
-    """A command to a controller under way.
+    """A running command of a controller.
 
     Attributes:
-        done: set when it has ended.
-        outcome, reason: how.
-        state: what the controller last said (Tracking or GripperResult).
+        done: set when the command has ended.
+        outcome: how it ended.
+        reason: text for an error.
+        state: the controller's last state (Tracking or GripperResult).
     """
 
     done: threading.Event = field(default_factory=threading.Event)
@@ -36,25 +37,26 @@ class Motion:
     state: Any = None
 
     def finish(self, outcome: Outcome, reason: str = "") -> None:
+        """Set the outcome; the first call counts."""
         if not self.done.is_set():
             self.outcome, self.reason = outcome, reason
             self.done.set()
 
 
 class WorldLoop(threading.Thread):
-    """Steps a :class:`SimulatedWorld` in a thread of its own; nothing else touches it.
+    """Steps a :class:`SimulatedWorld` in a thread of its own, which is the only one that accesses it.
+
+    Args:
+        scene: the scene at the start.
+        speed: simulated seconds per second while a controller moves; 0: as fast as possible.
+        idle_speed: the same while no controller moves.
+        on_chunk: called in the thread, every few steps.
 
     Attributes:
-        scene: what is in the world now, added bodies included.
+        scene: the current scene, including added bodies.
     """
 
     def __init__(self, scene: Scene, speed: float, idle_speed: float, on_chunk: Callable[[SimulatedWorld], None]):
-        """
-        Args:
-            speed: simulated seconds per second while a controller is moving; 0: as fast as possible.
-            idle_speed: the same while none is.
-            on_chunk: called in the thread, every few steps.
-        """
         super().__init__(name="world", daemon=True)
         self._speed, self._idle_speed, self._on_chunk = speed, idle_speed, on_chunk
         self._calls: queue.Queue[tuple[Callable, Future]] = queue.Queue()
@@ -81,7 +83,15 @@ class WorldLoop(threading.Thread):
     # from any thread
 
     def call(self, function: Callable[[], T]) -> T:
-        """Run a function between two steps and return what it returns, or raise what it raises."""
+        """Run a function between two steps.
+
+        Returns:
+            The result of the function.
+
+        Raises:
+            HmapError: the simulation is shutting down or does not answer.
+            Exception: whatever the function raises.
+        """
         if self._end.is_set():
             raise HmapError("the simulation is shutting down")
         answer: Future = Future()
@@ -92,14 +102,14 @@ class WorldLoop(threading.Thread):
             raise HmapError("the simulation does not answer; it is shutting down or hangs") from None
 
     def stop(self) -> None:
-        """End the thread and whatever waits for it."""
+        """End the thread and all waiting calls."""
         self._end.set()
         if self.is_alive():
             self.join()
         self.world.close()
 
     def load(self, scene: Scene) -> None:
-        """Start afresh with a scene, or with the present one."""
+        """Restart the simulation with a scene, which can be the current one."""
         self._end_motions("the scene was loaded anew")
         self.world.reset(scene)
         self._start(scene)
@@ -107,10 +117,16 @@ class WorldLoop(threading.Thread):
     def follow(
         self, robot: str, trajectory: JointTrajectory, tolerances: Tolerances, start: float | None = None
     ) -> Motion:
-        """Start a trajectory, whose times count from ``start`` (simulated s), or from now.
+        """Start a trajectory.
+
+        Args:
+            robot: name of the robot.
+            trajectory: the commanded samples.
+            tolerances: of the path and the goal.
+            start: simulated time (s) of the trajectory's time 0; None: now.
 
         Raises:
-            InputError: as the controller does, or all of it is in the past.
+            InputError: the controller rejects the trajectory, or all of it is in the past.
         """
 
         def begin() -> Motion:
@@ -121,39 +137,56 @@ class WorldLoop(threading.Thread):
         return self.call(begin)
 
     def grip(self, robot: str, opening: float, force: float) -> Motion:
-        """Start a gripper command. Raises InputError, as the controller does."""
+        """Start a gripper command.
+
+        Args:
+            robot: name of the robot.
+            opening: gap between the pads, m.
+            force: N.
+
+        Raises:
+            InputError: the controller rejects the command.
+        """
         return self.call(lambda: self._begin(self._grippers[robot], opening, force))
 
     def cancel_arm(self, robot: str) -> None:
-        """Bring an arm to rest."""
+        """Stop an arm."""
         self.call(lambda: self._arms[robot].cancel(self.world.time))
 
     def cancel_gripper(self, robot: str) -> None:
-        """Stop a gripper where it is."""
+        """Stop a gripper at its current opening."""
         self.call(self._grippers[robot].cancel)
 
-    # bodies; inside calls
+    # bodies; called inside :meth:`call`
 
     def scene_without_added(self) -> Scene:
-        """The scene without the bodies that were added to it."""
+        """The scene without added bodies."""
         kept = {name: body for name, body in self.scene.bodies.items() if name not in self.added}
         return replace(self.scene, bodies=kept)
 
     def add(self, body) -> None:
-        """Put a body into world and scene."""
+        """Add a body to world and scene."""
         self.world.add_body(body)
         self.added.add(body.name)
         self.scene = replace(self.scene, bodies=self.scene.bodies | {body.name: body})
 
     def move(self, name: str, pose) -> None:
-        """Put a body elsewhere. Raises InputError where it may not be moved so."""
+        """Move a body to T_world_body (7,).
+
+        Raises:
+            InputError: the body cannot be moved there.
+        """
         self._movable(name)
         self.world.move_body(name, pose)
         moved = replace(self.scene.bodies[name], pose=self.world.body_pose(name))
         self.scene = replace(self.scene, bodies=self.scene.bodies | {name: moved})
 
     def remove(self, name: str) -> None:
-        """Take a body out of world and scene."""
+        """Remove a body from world and scene.
+
+        Raises:
+            InputError: the body is the object of the task, or it cannot be removed.
+        """
         if name == self.scene.goal.object:
             raise InputError(f"{name!r} is the object of the task and stays")
         self.world.remove_body(name)
@@ -176,6 +209,7 @@ class WorldLoop(threading.Thread):
     # the thread
 
     def run(self) -> None:
+        """Step the simulation until :meth:`stop`."""
         began, simulated = time.monotonic(), self.world.time
         while not self._end.is_set():
             self._take_calls()
@@ -211,7 +245,7 @@ class WorldLoop(threading.Thread):
             motion.finish(Outcome.CANCELED, reason)
 
     def _take_calls(self, wait: float = 0.0) -> None:
-        """Run what has been asked for, waiting at most ``wait`` seconds for the first."""
+        """Execute the waiting calls; wait at most ``wait`` seconds for the first."""
         while True:
             try:
                 function, answer = self._calls.get(wait > 0.0, wait or None)

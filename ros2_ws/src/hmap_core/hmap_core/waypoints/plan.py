@@ -101,13 +101,13 @@ def _failure(
     frontier = [name for name in dict.fromkeys(frontier) if name not in straight]
     what = f"the straight way hits {_listed(straight) or 'nothing'}{leaves}"
     what += f", the search ran into {_listed(frontier)}" if frontier else ""
-    hint = ""
+    removal_note = ""
     if central.removable:
         found = f"; without {_listed(removal.names)} there is one" if removal else None
-        hint = found or "; none was found without the removable bodies either"
+        removal_note = found or "; none was found without the removable bodies either"
     kinds = " or ".join(dict.fromkeys("planar" if c.planar else "spatial" for c in search.checkers)) or "free"
     return NoObjectPath(
-        f"no {kinds} path of '{central.body.name}' to its goal was found: {what}{hint}",
+        f"no {kinds} path of '{central.body.name}' to its goal was found: {what}{removal_note}",
         tuple(straight + frontier),
         removal and removal.names,
         path,
