@@ -8,7 +8,7 @@ from hmap_core.waypoints.checker import Geometry, ObjectChecker, recentred
 from hmap_core.waypoints.problem import ObjectPathProblem
 from hmap_core.waypoints.resample import resample
 from hmap_core.waypoints.rrt import ROUNDS, rrt_path
-from hmap_core.waypoints.search import Corners, ObjectSearch, search_bounds
+from hmap_core.waypoints.search import Corners, MotionSpace, ObjectSearch, SpaceFactory, search_bounds
 from hmap_core.waypoints.search_budget import SearchBudget
 
 # rounds of a search that tests whether one body can stay in place
@@ -31,6 +31,7 @@ def fewest_removals(
     needed: frozenset[str],
     rng: np.random.Generator,
     budget: SearchBudget,
+    make_space: SpaceFactory = MotionSpace,
 ) -> Removal:
     """Find bodies whose removal makes a path possible.
 
@@ -46,18 +47,20 @@ def fewest_removals(
         needed: removable bodies that overlap the object's goal pose.
         rng: the only source of randomness.
         budget: limit of the search; if it is exhausted, the best result so far is returned.
+        make_space: makes the search in planar or spatial motion; detours are always found by hmap's own trees.
 
     Returns:
         The bodies to remove, and a path without them. As far as the searches can tell, none of the bodies can stay.
     """
-    best = _RemovalSearch(problem, needed, rng, budget).search(found)
+    best = _RemovalSearch(problem, needed, rng, budget, make_space).search(found)
     checker = checker_like(best.corners, problem.without(frozenset(best.names)))
     return Removal(best.names, Corners(best.corners.poses, checker, best.corners.middle))
 
 
 class _RemovalSearch:
-    def __init__(self, problem, needed, rng, budget: SearchBudget):
+    def __init__(self, problem, needed, rng, budget: SearchBudget, make_space: SpaceFactory):
         self.problem, self.needed, self.rng, self.budget = problem, needed, rng, budget
+        self.make_space = make_space
         self.unavoidable = set(needed)  # bodies that every path needs to have removed
 
     def search(self, found: Corners) -> Removal:
@@ -100,7 +103,8 @@ class _RemovalSearch:
 
     def _without(self, gone: frozenset[str]) -> Removal | None:
         """The path that a search with these bodies removed, and all others in place, finds."""
-        corners = ObjectSearch(self.problem.without(gone)).rounds(self.rng, self.budget, ROUNDS_PER_BODY)
+        search = ObjectSearch(self.problem.without(gone), self.make_space)
+        corners = search.rounds(self.rng, self.budget, ROUNDS_PER_BODY)
         return None if corners is None else self._removal(corners)
 
     def _detour(self, corners: Corners, gone: frozenset[str]) -> Removal | None:

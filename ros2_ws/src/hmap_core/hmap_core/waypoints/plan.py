@@ -7,7 +7,7 @@ from hmap_core.waypoints.blocking import Removal, fewest_removals
 from hmap_core.waypoints.checker import check_ends, planar_projection
 from hmap_core.waypoints.problem import NoObjectPath, ObjectPath, ObjectPathProblem
 from hmap_core.waypoints.resample import chord_step, consistent, cut, resample
-from hmap_core.waypoints.search import Corners, ObjectSearch
+from hmap_core.waypoints.search import Corners, MotionSpace, ObjectSearch, SpaceFactory
 from hmap_core.waypoints.search_budget import SearchBudget
 from hmap_core.waypoints.shorten import smooth
 
@@ -23,6 +23,7 @@ def plan_waypoints(
     rng: np.random.Generator,
     time_limit_s: float = DEFAULT_TIME_LIMIT,
     checks: float = np.inf,
+    make_space: SpaceFactory = MotionSpace,
 ) -> ObjectPath:
     """Plan the path of the object and determine its waypoints.
 
@@ -31,6 +32,7 @@ def plan_waypoints(
         rng: the only source of randomness. The same state gives the same path unless the time limit ends the search.
         time_limit_s: wall-clock seconds for the whole search, including the test of which bodies block.
         checks: number of motions that the trees can check. The search ends after the same motions for the same rng.
+        make_space: makes the search in planar or spatial motion: hmap's own, or another planner's.
 
     Returns:
         The path.
@@ -43,28 +45,28 @@ def plan_waypoints(
     """
     budget = SearchBudget(time_limit_s, checks)
     needed = check_ends(problem)
-    search = ObjectSearch(problem)
+    search = ObjectSearch(problem, make_space)
     if not problem.removable:
         found = search.rounds(rng, budget)
     else:
-        found = _around_or_through(problem, search, needed, rng, budget)
+        found = _around_or_through(problem, search, needed, rng, budget, make_space)
     if found is None:
         raise _failure(search, needed)
     return _finished(problem, found, rng)
 
 
-def _around_or_through(problem, search, needed, rng, budget: SearchBudget) -> Corners | None:
+def _around_or_through(problem, search, needed, rng, budget: SearchBudget, make_space: SpaceFactory) -> Corners | None:
     """Search alternately for a path around the removable bodies and for one through them.
 
     Raises:
         NoObjectPath: a path seems to exist only if some removable bodies are removed.
     """
     found = None if needed else search.rounds(rng, budget.fraction(1.0 - REMOVAL_SHARE), ROUNDS_AROUND_REMOVABLE)
-    cleared = ObjectSearch(problem.without(problem.removable))
+    cleared = ObjectSearch(problem.without(problem.removable), make_space)
     while found is None and not cleared.infeasible and not budget.exhausted:
         through = cleared.round(rng, budget)
         if through is not None:
-            removal = fewest_removals(problem, through, needed, rng, budget)
+            removal = fewest_removals(problem, through, needed, rng, budget, make_space)
             path = _finished(problem.without(frozenset(removal.names)), removal.corners, rng)
             raise _failure(search, needed, removal, path)
         found = None if needed else search.round(rng, budget)

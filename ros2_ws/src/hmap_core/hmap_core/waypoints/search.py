@@ -1,5 +1,6 @@
 """The search for a free path of one body: planar and spatial motion, several minimum distances, growing budgets."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,21 +36,105 @@ class Corners:
     middle: np.ndarray  # (3,) in the body's frame, m
 
 
+class MotionSpace:
+    """Planar or spatial motion and hmap's own search in it. A subclass can search with another method.
+
+    Args:
+        problem: with the body's frame at its middle.
+        planar: planar motion; otherwise motion in SE(3).
+
+    Attributes:
+        checkers: the largest minimum distance first; empty before :meth:`prepare`.
+        bounds: (2, 3) lower and upper position of the search space, m; None before :meth:`prepare`.
+        infeasible: whether it is proven that no path exists.
+    """
+
+    def __init__(self, problem: ObjectPathProblem, planar: bool):
+        self.problem, self.planar = problem, planar
+        self.checkers: list[ObjectChecker] = []
+        self.bounds: np.ndarray | None = None
+        self.infeasible = False
+        self._exits: list[tuple[list[np.ndarray], list[np.ndarray]]] = []  # of start and goal, for each checker
+
+    def prepare(self, geometry: Geometry, last: bool) -> bool:
+        """Make the checkers; False if the space does not apply: planar motion of a body that no support carries."""
+        problem = self.problem
+        checker = ObjectChecker(problem, geometry, self.planar, problem.min_distance)
+        if self.planar and not last and checker.support is None:
+            return False
+        tighter = [min_distance for min_distance in TIGHTER if min_distance < problem.min_distance]
+        self.checkers = [checker, *(checker.with_min_distance(min_distance) for min_distance in tighter)]
+        self.bounds = search_bounds(problem, checker)
+        return True
+
+    @property
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """Start and goal (7,); in planar motion the goal has the height and tilt of the start."""
+        start, goal = (np.asarray(T, float) for T in (self.problem.start, self.problem.goal))
+        return start, planar_projection(self.problem, goal) if self.planar else goal
+
+    def search(
+        self, number: int, rng: np.random.Generator, budget: SearchBudget
+    ) -> tuple[ObjectChecker, np.ndarray] | None:
+        """Search for a free path.
+
+        The first round tries the straight motion, in planar motion a short run of two trees, and the small roadmap.
+        Then trees grow from the exits of start and goal; their budgets grow with the ``number`` of the round.
+
+        Args:
+            number: of the round, from 0.
+            rng: the only source of randomness.
+            budget: limit of the search.
+
+        Returns:
+            The checker for which the path is free, and the path (n, 7); or None.
+        """
+        if self.infeasible:
+            return None
+        start, goal = self.ends
+        for checker in self.checkers[len(self._exits) :]:
+            path = _first_tries(checker, start, goal, self.bounds, rng, budget)
+            if path is not None:
+                return checker, path
+            if self.planar and not self._exits:
+                self.infeasible = separated(self.checkers[-1], start, goal, self.bounds)
+            if self.infeasible:
+                return None
+            self._exits.append(
+                tuple([T, *exits(checker, T, o, self.bounds)] for T, o in ((start, goal), (goal, start)))
+            )
+        for checker, (starts, goals) in zip(self.checkers, self._exits, strict=True):
+            path = rrt_path(checker, starts, goals, self.bounds, rng, budget, GROWTH**number)
+            if path is not None:
+                # a tree can start at an exit; the motion from the true end to it is known to be free
+                path = np.concatenate([starts[:1], path, goals[:1]])
+                return checker, path[np.concatenate(([True], lengths(path, checker.radius) > SAME_POSE))]
+        return None
+
+
+# makes a motion space from a problem and whether its motion is planar
+SpaceFactory = Callable[[ObjectPathProblem, bool], MotionSpace]
+
+
 class ObjectSearch:
     """A search that can be continued: every call of :meth:`round` can check more motions than the last.
 
     Start and goal must be free; see ``checker.check_ends``.
 
+    Args:
+        problem: its start and goal must be free.
+        make_space: makes the search in planar or spatial motion.
+
     Attributes:
         checkers: those used so far.
     """
 
-    def __init__(self, problem: ObjectPathProblem):
+    def __init__(self, problem: ObjectPathProblem, make_space: SpaceFactory = MotionSpace):
         self.middle = body_middle(problem.body)
         self.problem = recentred(problem, self.middle)
         self.checkers: list[ObjectChecker] = []
         self._geometry = Geometry(self.problem)
-        self._spaces = [_MotionSpace(self.problem, planar) for planar in _motion_spaces(self.problem)]
+        self._spaces = [make_space(self.problem, planar) for planar in _motion_spaces(self.problem)]
         self._rounds = 0
 
     @property
@@ -108,71 +193,24 @@ class ObjectSearch:
         return None
 
 
-class _MotionSpace:
-    """Planar or spatial motion: its checkers, the largest minimum distance first, and the state of its search."""
-
-    def __init__(self, problem: ObjectPathProblem, planar: bool):
-        self.problem, self.planar = problem, planar
-        self.checkers: list[ObjectChecker] = []
-        self.ends: list[tuple[list[np.ndarray], list[np.ndarray]]] = []
-        self.bounds: np.ndarray | None = None
-        self.infeasible = False  # no path exists; proven
-
-    def prepare(self, geometry: Geometry, last: bool) -> bool:
-        """Make the checkers; False if the space does not apply: planar motion of a body that no support carries."""
-        problem = self.problem
-        checker = ObjectChecker(problem, geometry, self.planar, problem.min_distance)
-        if self.planar and not last and checker.support is None:
-            return False
-        tighter = [min_distance for min_distance in TIGHTER if min_distance < problem.min_distance]
-        self.checkers = [checker, *(checker.with_min_distance(min_distance) for min_distance in tighter)]
-        self.bounds = search_bounds(problem, checker)
-        return True
-
-    def search(self, number: int, rng, budget: SearchBudget) -> tuple[ObjectChecker, np.ndarray] | None:
-        """Search for a free path.
-
-        The first round tries the straight motion, in planar motion a short run of two trees, and the small roadmap.
-        Then trees grow from the exits of start and goal; their budgets grow with the ``number`` of the round.
-
-        Returns:
-            The checker for which the path is free, and the path (n, 7); or None.
-        """
-        if self.infeasible:
-            return None
-        start = np.asarray(self.problem.start, float)
-        goal = np.asarray(self.problem.goal, float)
-        goal = planar_projection(self.problem, goal) if self.planar else goal
-        for checker in self.checkers[len(self.ends) :]:
-            path = _first_tries(checker, start, goal, self.bounds, rng, budget)
-            if path is not None:
-                return checker, path
-            if self.planar and not self.ends:
-                self.infeasible = separated(self.checkers[-1], start, goal, self.bounds)
-            if self.infeasible:
-                return None
-            self.ends.append(tuple([T, *exits(checker, T, o, self.bounds)] for T, o in ((start, goal), (goal, start))))
-        for checker, (starts, goals) in zip(self.checkers, self.ends, strict=True):
-            path = rrt_path(checker, starts, goals, self.bounds, rng, budget, GROWTH**number)
-            if path is not None:
-                # a tree can start at an exit; the motion from the true end to it is known to be free
-                path = np.concatenate([starts[:1], path, goals[:1]])
-                return checker, path[np.concatenate(([True], lengths(path, checker.radius) > SAME_POSE))]
-        return None
-
-
-def find_corners(problem: ObjectPathProblem, rng: np.random.Generator, time_limit_s: float) -> Corners | None:
+def find_corners(
+    problem: ObjectPathProblem,
+    rng: np.random.Generator,
+    time_limit_s: float,
+    make_space: SpaceFactory = MotionSpace,
+) -> Corners | None:
     """Find any free path.
 
     Args:
         problem: its start and goal must be free.
         rng: the only source of randomness.
         time_limit_s: wall-clock seconds.
+        make_space: makes the search in planar or spatial motion: hmap's own, or another planner's.
 
     Returns:
         The path, or None if none was found within the time limit.
     """
-    return ObjectSearch(problem).rounds(rng, SearchBudget(time_limit_s))
+    return ObjectSearch(problem, make_space).rounds(rng, SearchBudget(time_limit_s))
 
 
 def search_bounds(problem: ObjectPathProblem, checker: ObjectChecker) -> np.ndarray:

@@ -27,6 +27,11 @@ class SearchBudget:
         """Whether no motion or no time is left."""
         return self.checks < 1 or time.monotonic() >= self._deadline
 
+    @property
+    def seconds(self) -> float:
+        """Remaining wall-clock seconds."""
+        return self._deadline - time.monotonic()
+
     def spend(self, checks: int) -> None:
         """Subtract checked motions from this budget and its parents."""
         self.checks -= checks
@@ -35,4 +40,4 @@ class SearchBudget:
 
     def fraction(self, share: float) -> "SearchBudget":
         """A part of the remaining motions and time; ``share`` is in (0, 1]."""
-        return SearchBudget(share * (self._deadline - time.monotonic()), share * self.checks, self)
+        return SearchBudget(share * self.seconds, share * self.checks, self)
