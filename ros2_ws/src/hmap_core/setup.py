@@ -19,6 +19,7 @@ setup(
         "matplotlib",
         "numba",
         "numpy",
+        "ompl>=1.7,<2",
         "open3d-cpu",
         "pybullet",
         "pydantic",

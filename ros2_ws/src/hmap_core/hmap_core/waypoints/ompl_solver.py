@@ -23,8 +23,6 @@ UNUSABLE = {
     "SPARStwo": "it checks motions from a second thread",
     "STRRTstar": "it plans in space-time alone",
 }
-# planners that run a second thread or slices of time: the same seed may give another path
-UNREPEATABLE = ("PRM", "PRMstar")
 # planners that check states along a motion by themselves (EITstar) do so at every such fraction of the space's extent:
 # some 5 mm in scenes of 2 to 3 m. What they find counts only when its whole motions are free, too
 STATE_RESOLUTION = 0.002
