@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -72,6 +73,17 @@ def test_without_rai(monkeypatch, capsys):
     assert "pip install" in capsys.readouterr().err
 
 
+def test_ompl_is_compared_where_a_problem_has_it(stub, tmp_path):
+    result = measure.run(replace(stub, ompl=always(True)), 4)
+    assert (result.ompl.verified, len(result.ompl.false_accepts)) == (2, 2)
+    found = report.to_dict({"stub": result})["problems"]["stub"]
+    assert found["ompl_ratio"] == result.ompl.median / result.hmap.median and found["ompl"]["verified"] == 2
+    lines = [*report.heading(), *report.row("stub", result).split("\n")]
+    assert len({len(line) for line in lines[1:]}) == 1 and "OMPL" in lines[-1]
+    report.plot({"stub": result, "without": measure.run(stub, 2)}, tmp_path / "out.png")
+    assert (tmp_path / "out.png").stat().st_size > 1000
+
+
 def test_table_lines_up(stub):
     lines = [*report.heading(), report.row("stub", measure.run(stub, 2))]
     assert len(lines[1]) == len(lines[2])
@@ -95,8 +107,6 @@ def test_rai_has_our_panda():
 def test_rai_is_compared_on_the_panda_only():
     pytest.importorskip("robotic")
     instance = push_step(0)
-    from dataclasses import replace
-
     robot = panda()
     iiwa = replace(robot, model=replace(robot.model, name="iiwa"))
     scene = replace(instance.scene, robots={"panda": iiwa})

@@ -72,6 +72,15 @@ def test_our_paths_are_verified(make, seed):
 
 
 @pytest.mark.parametrize(("make", "seed"), [(se2, TRAP), (se2, TUNNEL), (se3, 1)])
+def test_ompl_paths_are_verified(make, seed):
+    problem = make(seed)
+    first, again = (rrt.solve_ompl(problem, rrt.prepare_hmap(problem)) for _ in range(2))
+    assert first.claimed
+    assert rrt.judge(problem, first.path) == []
+    np.testing.assert_array_equal(first.path, again.path)
+
+
+@pytest.mark.parametrize(("make", "seed"), [(se2, TRAP), (se2, TUNNEL), (se3, 1)])
 def test_rai_is_asked_the_same(make, seed):
     pytest.importorskip("robotic", exc_type=ImportError)
     problem = make(seed)

@@ -1,4 +1,4 @@
-"""Measurement of both solvers on the same instances, one after the other, in CPU time of one thread."""
+"""Measurement of all solvers on the same instances, one after the other, in CPU time of one thread."""
 
 import os
 import time
@@ -45,20 +45,29 @@ class Tally:
 
 @dataclass
 class Result:
-    """The results of both solvers for a problem with n instances."""
+    """The results of the solvers for a problem with n instances; ``ompl`` only where the problem has that side."""
 
     n: int
     hmap: Tally = field(default_factory=Tally)
     rai: Tally = field(default_factory=Tally)
+    ompl: Tally | None = None
 
     @property
     def ratio(self) -> float:
         """RAI's median time relative to hmap's."""
         return self.rai.median / self.hmap.median
 
+    @property
+    def ompl_ratio(self) -> float:
+        """OMPL's median time relative to hmap's."""
+        return self.ompl.median / self.hmap.median
+
     def to_dict(self) -> dict:
         """Plain data for JSON."""
-        return {"n": self.n, "hmap": self.hmap.to_dict(), "rai": self.rai.to_dict(), "ratio": self.ratio}
+        found = {"n": self.n, "hmap": self.hmap.to_dict(), "rai": self.rai.to_dict(), "ratio": self.ratio}
+        if self.ompl is not None:
+            found |= {"ompl": self.ompl.to_dict(), "ompl_ratio": self.ompl_ratio}
+        return found
 
 
 def one_thread() -> None:
@@ -68,15 +77,17 @@ def one_thread() -> None:
 
 
 def run(problem: Problem, n: int, progress: Callable[[int], None] = lambda k: None) -> Result:
-    """Solve the instances 0 .. n - 1 of a problem with both solvers.
+    """Solve the instances 0 .. n - 1 of a problem with each solver.
 
     Args:
         problem: the problem.
         n: number of instances.
         progress: called with the number of finished instances.
     """
-    result = Result(n)
-    sides = ((problem.hmap, result.hmap), (problem.rai, result.rai))
+    result = Result(n, ompl=None if problem.ompl is None else Tally())
+    sides = [(problem.hmap, result.hmap), (problem.rai, result.rai)]
+    if problem.ompl is not None:
+        sides.append((problem.ompl, result.ompl))
     warm = problem.instance(WARM_UP_SEED)
     for side, _ in sides:
         side.solve(warm, side.prepare(warm))

@@ -35,12 +35,14 @@ class Problem:
         hmap: hmap's side.
         rai: RAI's side.
         judge: (instance, path) -> the errors of the path, in words.
+        ompl: the side of a planner of OMPL, where there is one.
     """
 
     instance: Callable[[int], Any]
     hmap: Side
     rai: Side
     judge: Callable[[Any, np.ndarray], list[str]]
+    ompl: Side | None = None
 
 
 def motion(instance: Callable[[int], Any]) -> Problem:
@@ -52,7 +54,7 @@ def motion(instance: Callable[[int], Any]) -> Problem:
 def object_path_problem(instance: Callable[[int], Any]) -> Problem:
     """A problem of the path of an object without a robot."""
     ours, theirs = Side(rrt.prepare_hmap, rrt.solve_hmap), Side(rrt.prepare_rai, rrt.solve_rai)
-    return Problem(instance, ours, theirs, rrt.judge)
+    return Problem(instance, ours, theirs, rrt.judge, Side(rrt.prepare_hmap, rrt.solve_ompl))
 
 
 PROBLEMS: dict[str, Problem] = {

@@ -4,6 +4,12 @@ from pathlib import Path
 
 from hmap_core.benchmark.measure import Result, Tally
 
+# of a result: the solver's name there, in the plot, and its colour
+SIDES = (
+    ("hmap", "hmap", "tab:blue"),
+    ("rai", "RAI (robotic 0.4.2)", "tab:orange"),
+    ("ompl", "OMPL 1.7.0", "tab:green"),
+)
 COLUMNS = ("median", "p90", "verified", "false")
 
 
@@ -22,8 +28,12 @@ def heading() -> list[str]:
 
 
 def row(name: str, result: Result) -> str:
-    """One line of the table: times in ms, counts, and RAI's median relative to hmap's."""
-    return f"{name:<20}{result.n:>4}  {_cells(result.hmap)}  {_cells(result.rai)}{result.ratio:>8.1f}"
+    """One line of the table: times in ms, counts, and RAI's median relative to hmap's; a second line for OMPL's."""
+    hmap = f"{result.n:>4}  {_cells(result.hmap)}"
+    lines = [f"{name:<20}{hmap}  {_cells(result.rai)}{result.ratio:>8.1f}"]
+    if result.ompl is not None:
+        lines.append(f"{'  with OMPL for RAI':<20}{hmap}  {_cells(result.ompl)}{result.ompl_ratio:>8.1f}")
+    return "\n".join(lines)
 
 
 def _cells(tally: Tally) -> str:
@@ -40,16 +50,18 @@ def plot(results: dict[str, Result], file: Path) -> None:
     from matplotlib import pyplot
 
     figure, axes = pyplot.subplots(figsize=(9.0, 1.0 + 0.6 * len(results)), layout="constrained")
-    for k, (side, color) in enumerate((("hmap", "tab:blue"), ("rai", "tab:orange"))):
-        times = [getattr(result, side).milliseconds for result in results.values()]
-        places = [i + 0.4 * k for i in range(len(results))]
+    for k, (side, label, color) in enumerate(SIDES):
+        tallies = {i: getattr(result, side) for i, result in enumerate(results.values())}
+        times = {i + 0.25 * k: tally.milliseconds for i, tally in tallies.items() if tally is not None}
+        if not times:
+            continue
         axes.boxplot(
-            times, positions=places, orientation="horizontal", widths=0.3, whis=(10, 90), showfliers=False,
-            patch_artist=True, boxprops={"facecolor": color}, medianprops={"color": "black"},
-            label={"hmap": "hmap", "rai": "RAI (robotic 0.4.2)"}[side],
+            list(times.values()), positions=list(times), orientation="horizontal", widths=0.2, whis=(10, 90),
+            showfliers=False, patch_artist=True, boxprops={"facecolor": color}, medianprops={"color": "black"},
+            label=label,
         )  # fmt: skip
     axes.set(xscale="log", xlabel="processor time, ms (box: quartiles, whiskers: 10 and 90 %)")
-    axes.set_yticks([i + 0.2 for i in range(len(results))], list(results))
+    axes.set_yticks([i + 0.25 for i in range(len(results))], list(results))
     axes.invert_yaxis()
     axes.grid(axis="x", alpha=0.3)
     axes.legend()

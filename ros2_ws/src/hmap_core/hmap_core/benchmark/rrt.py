@@ -1,8 +1,10 @@
-"""Object paths: the search of hmap's Algorithm 2 against RAI's RRT_PathFinder, judged as poses.
+"""Object paths: hmap's search of Algorithm 2 against RAI's RRT_PathFinder and OMPL's RRTConnect, judged as poses.
 
 A path is an array (n, 7) of poses of the object, between which it moves straight, and turns at a constant rate about
 one axis. RAI interpolates quaternions linearly: along the same arc, and at its step by less than 0.1 mm otherwise.
 """
+
+from functools import partial
 
 import numpy as np
 
@@ -12,10 +14,12 @@ from hmap_core.types import Body
 from hmap_core.validation import rigid
 from hmap_core.validation.geometry import Boxes, Gauge, box_gap, solid, transform
 from hmap_core.waypoints import ObjectPathProblem
+from hmap_core.waypoints.ompl_planner import OmplMotionSpace
 from hmap_core.waypoints.search import find_corners
 
 TIME_LIMIT = 60.0  # s
 SEED = 0  # of the search
+OMPL_PLANNER = "RRTConnect"
 # the judge's
 MOTION = 0.002  # m that a point moves between two samples
 PENETRATION = 1e-3  # m
@@ -34,6 +38,13 @@ def prepare_hmap(problem: ObjectPathProblem) -> None:
 def solve_hmap(problem: ObjectPathProblem, prepared: None) -> Answer:
     """The search as ``plan_waypoints`` begins with it, neither shortened nor resampled."""
     found = find_corners(problem, np.random.default_rng(SEED), TIME_LIMIT)
+    return Answer(False) if found is None else Answer(True, found.poses)
+
+
+def solve_ompl(problem: ObjectPathProblem, prepared: None) -> Answer:
+    """OMPL's RRTConnect with hmap's checks, neither shortened nor resampled; the rest of the search is hmap's."""
+    make_space = partial(OmplMotionSpace, OMPL_PLANNER)
+    found = find_corners(problem, np.random.default_rng(SEED), TIME_LIMIT, make_space)
     return Answer(False) if found is None else Answer(True, found.poses)
 
 
@@ -100,7 +111,7 @@ def judge(problem: ObjectPathProblem, path: np.ndarray) -> list[str]:
     wrong = [
         f"its {name} is not the problem's"
         for name, T, wanted in (("start", path[0], problem.start), ("end", path[-1], problem.goal))
-        if np.abs(T[:3] - wanted[:3]).max() > END_TOLERANCE or rigid.turn(T[3:], wanted[3:]) > END_TOLERANCE
+        if np.abs(T[:3] - wanted[:3]).max() > END_TOLERANCE or rigid.angle_between(T[3:], wanted[3:]) > END_TOLERANCE
     ]
     R, p = _samples(problem.body, path)
     if problem.motion == "planar":
@@ -119,7 +130,7 @@ def _samples(body: Body, path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     reach = np.linalg.norm(body.shapes[0].size) / 2.0
     rows = [path[:1]]
     for a, b in zip(path[:-1], path[1:], strict=True):
-        moved = np.linalg.norm(b[:3] - a[:3]) + reach * rigid.turn(a[3:], b[3:])
+        moved = np.linalg.norm(b[:3] - a[:3]) + reach * rigid.angle_between(a[3:], b[3:])
         s = np.linspace(0.0, 1.0, int(np.ceil(moved / MOTION)) + 1)[1:]
         q = rigid.slerp(np.tile(a[3:], (len(s), 1)), np.tile(b[3:], (len(s), 1)), s)
         rows.append(np.column_stack([a[:3] + s[:, None] * (b[:3] - a[:3]), q]))

@@ -88,6 +88,7 @@ def _progress(name: str, n: int):
 
 
 def _describe(result) -> None:
-    for side in ("hmap", "rai"):
-        for seed, wrong in getattr(result, side).false_accepts[:SHOWN]:
+    for side in ("hmap", "rai", "ompl"):
+        tally = getattr(result, side)
+        for seed, wrong in tally.false_accepts[:SHOWN] if tally is not None else ():
             print(f"  {side}, seed {seed}: {'; '.join(wrong)}")

@@ -8,6 +8,7 @@ too: with a long tool in the hand, small turns of the joints pass through thin b
 """
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -36,8 +37,17 @@ SHORTEST = 1e-9  # rad; a path that is shorter is none
 SMOOTHINGS = 60  # times that its points move towards the middle of their neighbours
 
 
-class _Free:
-    """Counts and answers collision checks of motions in the phases of a mask."""
+class TransitChecks:
+    """Collision checks of joint motions, counted.
+
+    Args:
+        chain: what moves.
+        cols: collision pairs with their minimum distances.
+        mask: bit mask of the phases that count.
+
+    Attributes:
+        looks: what was checked so far, in configurations.
+    """
 
     def __init__(self, chain: Chain, cols: Collisions, mask: int):
         self.chain, self._mask = chain, mask
@@ -107,9 +117,13 @@ class _Tree:
         return self.configurations[numbers[::-1]]
 
 
+# (checks, moves, start, goal, rng, deadline) -> configurations (m, n) of a free path, straight between them, or None
+Connect = Callable[[TransitChecks, HandMoves, np.ndarray, np.ndarray, np.random.Generator, float], np.ndarray | None]
+
+
 def find_transit(
     moves: HandMoves, chain: Chain, cols: Collisions, mask: int, start: np.ndarray, goal: np.ndarray,
-    rng: np.random.Generator, deadline: float,
+    rng: np.random.Generator, deadline: float, connect: Connect | None = None,
 ) -> np.ndarray | None:  # fmt: skip
     """Configurations (m, n) of a free joint path from start to goal (n,), short and smooth; None when none was found.
 
@@ -118,13 +132,14 @@ def find_transit(
         chain, cols, mask: what moves, what keeps apart, and the bit mask of phases that counts.
         rng: the only source of randomness.
         deadline: ``time.monotonic()`` after which to give up.
+        connect: finds a free path, which is then shortened and smoothed; None: hmap's own two trees.
     """
-    free, ways = _Free(chain, cols, mask), []
+    free, ways = TransitChecks(chain, cols, mask), []
     if not free.straight(goal, goal):
         return None
     for _ in range(RUNS):
         free.looks = 0
-        way = _connect(free, moves, start, goal, rng, deadline)
+        way = (connect or _connect)(free, moves, start, goal, rng, deadline)
         if way is None:
             break
         ways.append(_shortened(free, way, rng))
@@ -133,7 +148,9 @@ def find_transit(
     return _smoothed(free, min(ways, key=_length)) if ways else None
 
 
-def _connect(free: _Free, moves: HandMoves, start, goal, rng: np.random.Generator, deadline) -> np.ndarray | None:
+def _connect(
+    free: TransitChecks, moves: HandMoves, start, goal, rng: np.random.Generator, deadline
+) -> np.ndarray | None:
     """Configurations (m, n) from start to goal (n,), straight between them, in which the trees have met."""
     trees = _Tree(start, moves), _Tree(goal, moves)
     ends = np.concatenate([tree.hands[:, :3] for tree in trees])
@@ -154,7 +171,7 @@ def _connect(free: _Free, moves: HandMoves, start, goal, rng: np.random.Generato
     return None
 
 
-def _by_joints(free: _Free, tree: _Tree, rng: np.random.Generator) -> int | None:
+def _by_joints(free: TransitChecks, tree: _Tree, rng: np.random.Generator) -> int | None:
     """Grows a tree towards a random configuration; returns the number of the new one, None where it cannot."""
     target = rng.uniform(free.chain.lower, free.chain.upper)
     near = tree.nearest(target)
@@ -163,7 +180,7 @@ def _by_joints(free: _Free, tree: _Tree, rng: np.random.Generator) -> int | None
     return tree.add(line[count : count + 1], near) if count > 0 else None
 
 
-def _by_hand(free: _Free, moves: HandMoves, tree: _Tree, room, rng: np.random.Generator) -> int | None:
+def _by_hand(free: TransitChecks, moves: HandMoves, tree: _Tree, room, rng: np.random.Generator) -> int | None:
     """Grows a tree by a move of the hand towards a random point of the room (two corners (3,)).
 
     Only along one, two or all three axes, of the world or of the hand: narrow places lie along one or the other.
@@ -182,7 +199,7 @@ def _by_hand(free: _Free, moves: HandMoves, tree: _Tree, room, rng: np.random.Ge
     return tree.add(path[1 : count + 1], near) if count > 0 else None
 
 
-def _shortened(free: _Free, path: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _shortened(free: TransitChecks, path: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Random shortcuts between points of the path."""
     for _ in range(SHORTCUTS):
         if len(path) < 3:
@@ -200,7 +217,7 @@ def _length(path: np.ndarray) -> float:
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
-def _smoothed(free: _Free, path: np.ndarray) -> np.ndarray:
+def _smoothed(free: TransitChecks, path: np.ndarray) -> np.ndarray:
     """The path with about POINTS points, its corners among them, moved between their neighbours where that is free."""
     length = np.linalg.norm(np.diff(path, axis=0), axis=1)
     counts = np.maximum(1, np.ceil(POINTS * length / max(length.sum(), SHORTEST))).astype(int)

@@ -3,7 +3,7 @@
 A tool gives way in the grip, so in physical tasks it is kept farther from things than links are, where that can be had.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -27,13 +27,21 @@ class TransitSearch:
         collisions, cols: what keeps apart, and its arrays, with minimum distances that the start keeps.
         start, goal: (n,).
         mask: bit mask of the phases that count.
+        find: searches a path, with the arguments and the result of :func:`find_transit`.
     """
 
     def __init__(
-        self, manipulation: Manipulation, collisions: CollisionModel, cols: Collisions, start, goal, mask: int
+        self,
+        manipulation: Manipulation,
+        collisions: CollisionModel,
+        cols: Collisions,
+        start: np.ndarray,
+        goal: np.ndarray,
+        mask: int,
+        find: Callable[..., np.ndarray | None] = find_transit,
     ):
         self._chain, self._cols, self._mask = manipulation.model.chain, cols, mask
-        self._start, self._goal = start, goal
+        self._start, self._goal, self._find = start, goal, find
         self._moves = HandMoves(manipulation, collisions)
         scene = manipulation.scene
         held = scene.robots[manipulation.robot].model.attached
@@ -59,7 +67,7 @@ class TransitSearch:
         """
         for room in (*self._rooms, 0.0) if narrow else self._rooms:
             cols = self._with_room(room) if room else self._cols
-            way = find_transit(self._moves, self._chain, cols, self._mask, self._start, self._goal, rng, deadline)
+            way = self._find(self._moves, self._chain, cols, self._mask, self._start, self._goal, rng, deadline)
             if way is not None:
                 yield way
 

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 
 from hmap_core.waypoints.checker import ObjectChecker, planar_pose, planar_yaw
-from hmap_core.waypoints.ompl_solver import Query, Space, known_planner, modules, seeded
+from hmap_core.waypoints.ompl_solver import Query, Space, box_bounds, known_planner, modules, seeded
 from hmap_core.waypoints.plan import DEFAULT_TIME_LIMIT, plan_waypoints
 from hmap_core.waypoints.problem import ObjectPath, ObjectPathProblem
 from hmap_core.waypoints.rrt import TURN_WEIGHT
@@ -18,8 +18,6 @@ EVALUATIONS = 4000
 # longest steps, in the rounds in turn, of planners that have one, as fractions of the space's extent; None: OMPL's own,
 # mostly 0.2, which is too long for narrow passages in space
 STEPS = (None, 0.05)
-# seeds of OMPL are drawn from 1 to this
-MAX_SEED = 2**31 - 1
 # paths with more corners are thinned before they are shortened, which looks at all pairs
 MAX_CORNERS = 40
 
@@ -85,14 +83,15 @@ class OmplMotionSpace(MotionSpace):
     def _planned(self, checker: ObjectChecker, number: int, rng, budget: SearchBudget) -> np.ndarray | None:
         """Poses (n, 7) of a free path that the planner finds with the budget of a round, or None."""
         start, goal = self.ends
-        bounds = np.array([np.minimum(self.bounds[0], np.minimum(start, goal)[:3]),
-                           np.maximum(self.bounds[1], np.maximum(start, goal)[:3])])  # fmt: skip
-        with seeded(int(rng.integers(1, MAX_SEED))):
+        lower, upper = np.minimum(start, goal)[:3], np.maximum(start, goal)[:3]
+        bounds = np.array([np.minimum(self.bounds[0], lower), np.maximum(self.bounds[1], upper)])
+        checks = _Checks(checker)
+        with seeded(rng):
             turn = TURN_WEIGHT * checker.radius
             space = PlanarPoses(start, bounds, turn) if self.planar else SpatialPoses(bounds, turn)
-            query = Query(self._planner, space, _Checks(checker), start, goal, STEPS[number % len(STEPS)])
+            query = Query(self._planner, space, checks, start, goal, STEPS[number % len(STEPS)])
             path = query.solve(int(min(EVALUATIONS * GROWTH**number, budget.checks)), budget.seconds)
-        budget.spend(query.evaluations)
+        budget.spend(checks.evaluations)
         return path
 
 
@@ -108,7 +107,7 @@ class PlanarPoses(Space):
     def __init__(self, reference: np.ndarray, bounds: np.ndarray, turn: float):
         base = modules().base
         space = base.SE2StateSpace()
-        space.setBounds(_bounds(bounds[:, :2]))
+        space.setBounds(box_bounds(*bounds[:, :2]))
         space.setSubspaceWeight(1, turn)
         super().__init__(space)
         self._reference = reference
@@ -135,7 +134,7 @@ class SpatialPoses(Space):
     def __init__(self, bounds: np.ndarray, turn: float):
         base = modules().base
         space = base.SE3StateSpace()
-        space.setBounds(_bounds(bounds))
+        space.setBounds(box_bounds(*bounds))
         space.setSubspaceWeight(1, 2.0 * turn)  # OMPL's distance of rotations is half the angle
         super().__init__(space)
 
@@ -152,10 +151,26 @@ class SpatialPoses(Space):
 
 
 class _Checks:
-    """The checks of an ObjectChecker under the names that a query asks for."""
+    """The checks of an ObjectChecker, counted: states and motions alike."""
 
     def __init__(self, checker: ObjectChecker):
-        self.state_free, self.motion_free, self.free_part = checker.pose_free, checker.motion_free, checker.free_part
+        self.evaluations = 0
+        self._checker = checker
+
+    def state_free(self, T: np.ndarray) -> bool:
+        """Whether the body may be at pose T (7,)."""
+        self.evaluations += 1
+        return self._checker.pose_free(T)
+
+    def motion_free(self, T0: np.ndarray, T1: np.ndarray) -> bool:
+        """Whether the whole motion from T0 to T1 (7,) is free."""
+        self.evaluations += 1
+        return self._checker.motion_free(T0, T1)
+
+    def free_part(self, T0: np.ndarray, T1: np.ndarray) -> float:
+        """Parameter up to which the motion from T0 to T1 (7,) is free of collisions."""
+        self.evaluations += 1
+        return self._checker.free_part(T0, T1)
 
 
 def thinned(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
@@ -167,12 +182,3 @@ def thinned(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
         if not checker.motion_free(path[kept[-1]], path[k]):
             kept.append(k - 1)
     return path[[*kept, len(path) - 1]]
-
-
-def _bounds(corners: np.ndarray):
-    """OMPL's bounds of a box (2, n)."""
-    bounds = modules().base.RealVectorBounds(corners.shape[1])
-    for k, (lower, upper) in enumerate(corners.T):
-        bounds.setLow(k, float(lower))
-        bounds.setHigh(k, float(upper))
-    return bounds

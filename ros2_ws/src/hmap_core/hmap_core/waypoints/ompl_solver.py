@@ -32,6 +32,8 @@ ANY_COST = 1e12
 KEPT = 0.98
 # distance in the space within which a path's ends are those asked for
 SAME_STATE = 1e-6
+# seeds of OMPL are drawn from 1 to this
+MAX_SEED = 2**31 - 1
 # OMPL's seed and log level belong to the process
 _LOCK = RLock()
 
@@ -59,6 +61,10 @@ class Space(ABC):
 
 class Checks(Protocol):
     """What is free, asked with the arrays of a :class:`Space`."""
+
+    @property
+    def evaluations(self) -> int:
+        """What was checked so far, in the unit in which :meth:`Query.solve` is limited."""
 
     def state_free(self, state: np.ndarray) -> bool:
         """Whether a state is free."""
@@ -128,7 +134,6 @@ class Query:
     def __init__(
         self, planner: str, space: Space, checks: Checks, start: np.ndarray, goal: np.ndarray, step: float | None = None
     ):
-        self.evaluations = 0  # states and motions checked
         self._limit: float = np.inf
         self._space, self._checks, self._ends = space, checks, (start, goal)
         base = modules().base
@@ -153,7 +158,7 @@ class Query:
         """The first path found, as arrays (n, ...) whose motions are free, or None.
 
         Args:
-            evaluations: states and motions that may be checked.
+            evaluations: limit of the checks' evaluations, from the first one on.
             time_limit: wall-clock seconds.
         """
         base = modules().base
@@ -173,26 +178,21 @@ class Query:
             if self._space.ompl.distance(states[k], self._space.state(end)) > SAME_STATE:
                 return None
             path[k] = end
-        self.evaluations += len(path) - 1
         free = all(self._checks.motion_free(a, b) for a, b in zip(path[:-1], path[1:], strict=True))
         return path if free else None
 
-    def _count(self) -> None:
-        self.evaluations += 1
-        if self.evaluations >= self._limit:
-            self._condition.terminate()
-
     def _state_free(self, state) -> bool:
-        self._count()
-        return bool(self._checks.state_free(self._space.read(state)))
+        free = bool(self._checks.state_free(self._space.read(state)))
+        self._stop_at_limit()
+        return free
 
     def _motion_free(self, a, b) -> bool:
-        self._count()
-        return bool(self._checks.motion_free(self._space.read(a), self._space.read(b)))
+        free = bool(self._checks.motion_free(self._space.read(a), self._space.read(b)))
+        self._stop_at_limit()
+        return free
 
     def _last_free(self, a, b, state) -> float:
         """Parameter up to which the motion between two states is surely free; that state is put into ``state``."""
-        self._count()
         at = KEPT * self._checks.free_part(self._space.read(a), self._space.read(b))
         kept = self._space.ompl.allocState()
         self._space.ompl.interpolate(a, b, at, kept)
@@ -201,7 +201,12 @@ class Query:
             self._space.ompl.copyState(kept, a)
         if state is not None:
             self._space.ompl.copyState(state, kept)
+        self._stop_at_limit()
         return at
+
+    def _stop_at_limit(self) -> None:
+        if self._checks.evaluations >= self._limit:
+            self._condition.terminate()
 
 
 @lru_cache(maxsize=1)
@@ -226,9 +231,18 @@ def _validator_class() -> type:
     return Validator
 
 
+def box_bounds(lower: np.ndarray, upper: np.ndarray):
+    """OMPL's bounds of real numbers, from lower and upper (n,)."""
+    bounds = modules().base.RealVectorBounds(len(lower))
+    for k, (low, high) in enumerate(zip(lower, upper, strict=True)):
+        bounds.setLow(k, float(low))
+        bounds.setHigh(k, float(high))
+    return bounds
+
+
 @contextmanager
-def seeded(seed: int) -> Iterator[None]:
-    """A context in which OMPL's random numbers are those of a seed, from 1 on, and its log is silent.
+def seeded(rng: np.random.Generator) -> Iterator[None]:
+    """A context in which OMPL's random numbers are those of a seed drawn from ``rng``, and its log is silent.
 
     OMPL has one seed for the process, from which each new generator takes its own. Setting it anew makes the generators
     that follow repeat, though OMPL logs that it does not. Space, query and solution therefore belong into one such
@@ -239,7 +253,7 @@ def seeded(seed: int) -> Iterator[None]:
         level = util.getLogLevel()
         util.setLogLevel(util.LogLevel.LOG_NONE)
         try:
-            util.RNG.setSeed(seed)
+            util.RNG.setSeed(int(rng.integers(1, MAX_SEED)))
             yield
         finally:
             util.setLogLevel(level)
