@@ -9,7 +9,7 @@ from geometry_fixtures import TABLE, box, worst_distance
 from waypoints_fixtures import SLACK, U_WALLS, WINDOW, two_doors_problem, u_problem, window_problem
 
 from hmap_core.exceptions import Code, InputError
-from hmap_core.planner.local import placed_bodies
+from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.scenes.loader import load_scene
 from hmap_core.transforms import distance, pose
 from hmap_core.types import BodyKind

@@ -25,7 +25,10 @@ KINDS = {
 }  # group -> what it is called, and the method that a part of it has
 DEFAULT_PLANNER = "hmap"
 _BUILT_IN = {
-    OBJECT_PATH_PLANNERS: {"hmap": "hmap_core.planner.object_path:BidirectionalSearch"},
+    OBJECT_PATH_PLANNERS: {
+        "hmap": "hmap_core.planner.object_path:BidirectionalSearch",
+        "ompl": "hmap_core.planner.ompl_object_path:ompl_object_path",
+    },
     CONTACT_PROPOSERS: {"sampled": "hmap_core.planner.sampled_contacts:SampledContacts"},
     PLANNERS: {"hmap": "hmap_core.planner.hmap_planner:HmapPlanner"},
 }
