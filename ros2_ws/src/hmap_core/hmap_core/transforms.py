@@ -9,13 +9,14 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation, Slerp
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 IDENTITY.setflags(write=False)
 
 
-def pose(position=(0.0, 0.0, 0.0), quaternion=(0.0, 0.0, 0.0, 1.0)) -> np.ndarray:
+def pose(position: ArrayLike = (0.0, 0.0, 0.0), quaternion: ArrayLike = (0.0, 0.0, 0.0, 1.0)) -> np.ndarray:
     """Builds a pose; the quaternion is normalised.
 
     Args:
@@ -29,7 +30,7 @@ def pose(position=(0.0, 0.0, 0.0), quaternion=(0.0, 0.0, 0.0, 1.0)) -> np.ndarra
     return np.concatenate([np.asarray(position, float), q / np.linalg.norm(q)])
 
 
-def from_rpy(position, rpy) -> np.ndarray:
+def from_rpy(position: ArrayLike, rpy: ArrayLike) -> np.ndarray:
     """Builds a pose from fixed-axis roll, pitch, yaw (the URDF convention).
 
     Args:
@@ -210,7 +211,7 @@ def consistent(poses: np.ndarray) -> np.ndarray:
     return np.concatenate([poses[:, :3], poses[:, 3:] * sign[:, None]], axis=1)
 
 
-def interpolate(T_a: np.ndarray, T_b: np.ndarray, s) -> np.ndarray:
+def interpolate(T_a: np.ndarray, T_b: np.ndarray, s: ArrayLike) -> np.ndarray:
     """Interpolates between two poses: linear in position, spherical linear (Shoemake 1985) in rotation.
 
     Args:

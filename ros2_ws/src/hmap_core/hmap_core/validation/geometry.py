@@ -5,6 +5,7 @@ from functools import lru_cache
 
 import coal
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull, QhullError
 
 from hmap_core.validation import rigid
@@ -33,7 +34,7 @@ class Solid:
 
     kind: str
     size: tuple[float, ...]
-    geometry: object
+    geometry: coal.ShapeBase
     points: np.ndarray
     ball: float
     center: np.ndarray
@@ -42,7 +43,15 @@ class Solid:
     centroid: np.ndarray
 
 
-def _solid(kind, size, geometry, points, ball, half, volume) -> Solid:
+def _solid(
+    kind: str,
+    size: tuple[float, ...],
+    geometry: coal.ShapeBase,
+    points: np.ndarray,
+    ball: float,
+    half: ArrayLike,
+    volume: float,
+) -> Solid:
     return Solid(kind, tuple(size), geometry, points, ball, np.zeros(3), np.asarray(half, float), volume, np.zeros(3))
 
 
@@ -111,7 +120,7 @@ def _outward(vertices: np.ndarray, triangles: np.ndarray, inside: np.ndarray) ->
     return triangles
 
 
-def _coal_convex(vertices: np.ndarray, triangles: np.ndarray):
+def _coal_convex(vertices: np.ndarray, triangles: np.ndarray) -> coal.ShapeBase:
     points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
     for vertex in vertices:
         points.append(vertex)
@@ -182,13 +191,13 @@ def _unit_ball() -> np.ndarray:
 
 
 @lru_cache(maxsize=1)
-def _request():
+def _request() -> coal.DistanceRequest:
     request = coal.DistanceRequest()
     request.enable_signed_distance = True
     return request
 
 
-def transform(R: np.ndarray, p: np.ndarray):
+def transform(R: np.ndarray, p: np.ndarray) -> coal.Transform3s:
     """The coal transform of a rotation R (3, 3) and a position p (3,)."""
     return coal.Transform3s(np.ascontiguousarray(R), np.ascontiguousarray(p))
 
@@ -204,13 +213,13 @@ class Gauge:
         self._compute = coal.ComputeDistance(a.geometry, b.geometry)
         self.result = coal.DistanceResult()
 
-    def distance(self, Ta, Tb) -> float:
+    def distance(self, Ta: coal.Transform3s, Tb: coal.Transform3s) -> float:
         """Signed distance in metres at two coal transforms; ``-MAX_DISTANCE`` if coal fails."""
         self.result.clear()
         value = self._compute(Ta, Tb, _request(), self.result)
         return value if abs(value) < MAX_DISTANCE else -MAX_DISTANCE
 
-    def witness(self, Ta, Tb) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+    def witness(self, Ta: coal.Transform3s, Tb: coal.Transform3s) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
         """Signed distance with witness points, at two coal transforms.
 
         Returns:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -92,14 +93,14 @@ def _numbers(text: str | None, default: tuple[float, ...]) -> np.ndarray:
     return np.array(text.split() if text else default, float)
 
 
-def _origin(element) -> tuple[np.ndarray, np.ndarray]:
+def _origin(element: Element) -> tuple[np.ndarray, np.ndarray]:
     origin = element.find("origin")
     if origin is None:
         return np.eye(3), np.zeros(3)
     return rigid.from_rpy(_numbers(origin.get("rpy"), (0, 0, 0))), _numbers(origin.get("xyz"), (0, 0, 0))
 
 
-def _joint(element) -> Joint:
+def _joint(element: Element) -> Joint:
     axis_element, limit, mimic = element.find("axis"), element.find("limit"), element.find("mimic")
     axis = _numbers(axis_element.get("xyz") if axis_element is not None else None, (1, 0, 0))
     kind = element.get("type")
@@ -138,7 +139,7 @@ def _mesh_file(name: str, urdf: Path) -> Path:
     raise invalid_plan(f"{urdf}: no mesh {name!r} in its folder or those above it")
 
 
-def _collision_solid(geometry, urdf: Path) -> Solid:
+def _collision_solid(geometry: Element, urdf: Path) -> Solid:
     child = geometry[0]
     if child.tag == "mesh":
         points = mesh_points(_mesh_file(child.get("filename"), urdf)) * _numbers(child.get("scale"), (1, 1, 1))
@@ -154,7 +155,7 @@ def _collision_solid(geometry, urdf: Path) -> Solid:
     )
 
 
-def _link_shapes(element, urdf: Path) -> list[LinkShape]:
+def _link_shapes(element: Element, urdf: Path) -> list[LinkShape]:
     shapes = []
     for collision in element.findall("collision"):
         R, p = _origin(collision)

@@ -3,7 +3,9 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
+import coal
 import numpy as np
 
 from hmap_core.validation import arm, rigid
@@ -11,14 +13,14 @@ from hmap_core.validation.document import BodyData, Document
 from hmap_core.validation.geometry import Solid, solid_of, transform
 
 
-class OnDemand(dict):
+class OnDemand(dict[str, Any]):
     """A dict that computes a missing value from its key."""
 
-    def __init__(self, make: Callable):
+    def __init__(self, make: Callable[[str], Any]):
         super().__init__()
         self._make = make
 
-    def __missing__(self, key):
+    def __missing__(self, key: str) -> Any:
         self[key] = value = self._make(key)
         return value
 
@@ -76,9 +78,9 @@ class Track:
     def __init__(self, part: Part, state: State):
         self.part = part
         self.R, self.p = part.frames(state)
-        self._transforms: dict[int, object] = {}
+        self._transforms: dict[int, coal.Transform3s] = {}
 
-    def at(self, k: int):
+    def at(self, k: int) -> coal.Transform3s:
         """The coal transform at instant k."""
         if k not in self._transforms:
             self._transforms[k] = transform(self.R[k], self.p[k])
