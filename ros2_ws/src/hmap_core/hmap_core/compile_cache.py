@@ -1,7 +1,7 @@
-"""Where compiled code is kept: one folder per state of the sources.
+"""Cache of compiled code: one folder per state of the sources.
 
-Numba notices a change in the file of a compiled function, but not in the functions that it calls in other files. A
-folder named by the hash of all of them makes sure that what runs is what is written.
+Numba detects changes in the file of a compiled function, but not in functions of other files that it calls. The folder
+is therefore named by the hash of all compiled sources.
 """
 
 import hashlib
@@ -12,17 +12,17 @@ import time
 from pathlib import Path
 
 VARIABLE = "NUMBA_CACHE_DIR"
-KEPT_DAYS = 14  # other checkouts on this machine may still run with theirs
-COMPILED = (b"njit", b"cfunc", b"intrinsic", b"namedtuple")  # marks of a source whose code or types are compiled
+KEPT_DAYS = 14  # age up to which folders are kept, since other checkouts on this machine may use them
+COMPILED = (b"njit", b"cfunc", b"intrinsic", b"namedtuple")  # texts that mark a source with compiled code or types
 
 
 def cache_root() -> Path:
-    """Folder of all caches of compiled code."""
+    """Folder that contains the caches of all states of the sources."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hmap" / "compiled"
 
 
 def source_hash() -> str:
-    """Hash of the sources of this package that are compiled, or whose types are."""
+    """Hash of all sources of this package that contain compiled code or its types."""
     folder = Path(__file__).parent
     digest = hashlib.sha256()
     for file in sorted(folder.rglob("*.py")):
@@ -34,18 +34,18 @@ def source_hash() -> str:
 
 
 def use_own_cache() -> None:
-    """Points numba at the folder for these sources, unless the user has chosen one."""
+    """Sets Numba's cache folder to the one of these sources, unless the user has set another one."""
     chosen = os.environ.get(VARIABLE)
     if chosen and cache_root() not in Path(chosen).parents:
         return
     folder = cache_root() / source_hash()
     os.environ[VARIABLE] = str(folder)
-    if "numba" in sys.modules:  # it has read the variable already
+    if "numba" in sys.modules:  # Numba has read the variable already
         sys.modules["numba"].config.CACHE_DIR = str(folder)
 
 
 def remove_old_caches() -> None:
-    """Deletes folders of other states of the sources that nothing was added to for a while."""
+    """Deletes the folders of other states of the sources that have not changed for KEPT_DAYS."""
     current, oldest = source_hash(), time.time() - KEPT_DAYS * 86400
     for folder in cache_root().glob("*"):
         if folder.name != current and folder.stat().st_mtime < oldest:

@@ -19,7 +19,7 @@ from hmap_core.exceptions import Code, InputError
 from hmap_core.transforms import apply
 from hmap_core.types import Shape, ShapeKind
 
-CYLINDER_SIDES = 32  # the polygon is drawn round the circle: at most 0.5 % of the radius too large, never too small
+CYLINDER_SIDES = 32  # sides of the circumscribed polygon of a circle, which exceeds the radius by at most 0.5 %
 
 __all__ = ["ConvexSet", "convex_set", "hull_vertices", "set_distance", "sets_closer", "signed_distance", "transformed"]
 
@@ -29,11 +29,11 @@ class ConvexSet:
     """S convex shapes in one frame: hulls of vertices, each swept by a sphere.
 
     Attributes:
-        vertices: (V, 3) of all shapes, metres.
-        start: (S + 1,) shape s has vertices ``start[s]:start[s + 1]``.
-        radius: (S,) of the swept sphere.
-        center, bound: (S, 3), (S,) bounding sphere of each shape, the swept sphere included.
-        edges: S arrays, the edges of each hull.
+        vertices: (V, 3) of all shapes, m.
+        start: (S + 1,) shape s has the vertices ``start[s]:start[s + 1]``.
+        radius: (S,) of the sweeping sphere, m.
+        center, bound: (S, 3), (S,) centre and radius of a bounding sphere of each swept shape, m.
+        edges: S arrays, the edges of each hull, see :mod:`hmap_core.collision.edges`.
     """
 
     vertices: np.ndarray
@@ -62,7 +62,17 @@ def _mesh_vertices(path: Path) -> np.ndarray:
 
 
 def hull_vertices(shape: Shape) -> tuple[np.ndarray, float]:
-    """Vertices (n, 3) in the body frame and sphere radius of a shape."""
+    """Converts a shape to a swept hull.
+
+    Args:
+        shape: the shape.
+
+    Returns:
+        Vertices (n, 3) in the body frame and radius of the sweeping sphere, m.
+
+    Raises:
+        InputError: INVALID_SCENE; a mesh cannot be read or spans no volume.
+    """
     size = np.asarray(shape.size, float)
     radius = 0.0
     if shape.kind == ShapeKind.BOX:
@@ -82,7 +92,11 @@ def hull_vertices(shape: Shape) -> tuple[np.ndarray, float]:
 
 
 def bounding_sphere(points: np.ndarray) -> tuple[np.ndarray, float]:
-    """A small enclosing sphere (Badoiu and Clarkson's iteration, made safe by the final maximum)."""
+    """A small enclosing sphere of points (n, 3): centre (3,) and radius.
+
+    The iteration is that of Badoiu and Clarkson, "Smaller core-sets for balls", 2003; the final radius is exact for its
+    centre, so the sphere always contains all points.
+    """
     center = (points.min(0) + points.max(0)) / 2
     for k in range(60):
         distance = np.linalg.norm(points - center, axis=1)
@@ -93,7 +107,11 @@ def bounding_sphere(points: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def from_hulls(hulls: Sequence[tuple[np.ndarray, float]]) -> ConvexSet:
-    """The set of hulls given as (vertices (n, 3), radius) pairs."""
+    """Builds a set from hulls.
+
+    Args:
+        hulls: vertices (n, 3) and sphere radius of each, m.
+    """
     if not hulls:
         empty = np.zeros((0, 3))
         return ConvexSet(empty, np.zeros(1, np.int64), np.zeros(0), empty, np.zeros(0), ())
@@ -110,7 +128,11 @@ def from_hulls(hulls: Sequence[tuple[np.ndarray, float]]) -> ConvexSet:
 
 
 def convex_set(shapes: Sequence[Shape]) -> ConvexSet:
-    """The convex set of a body's shapes, in the body frame; computed once per geometry."""
+    """The convex set of a body's shapes in the body frame, from a cache.
+
+    Raises:
+        InputError: INVALID_SCENE; a mesh cannot be read or spans no volume.
+    """
     key = tuple((s.kind, s.size, s.pose.tobytes(), s.mesh) for s in shapes)
     if key not in _SETS:
         _SETS[key] = from_hulls([hull_vertices(shape) for shape in shapes])
@@ -122,7 +144,7 @@ _SETS: dict[tuple, ConvexSet] = {}
 
 @nb.njit(**OPTIONS)
 def _rotation(T):
-    """Rotation matrix (3, 3) of a pose (7,); in compiled code, as it takes longer to call than to do."""
+    """Rotation matrix (3, 3) of a pose (7,); compiled, since a call from Python takes longer than the computation."""
     x, y, z, w = T[3], T[4], T[5], T[6]
     R = np.empty((3, 3))
     R[0, 0], R[0, 1], R[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
@@ -141,7 +163,12 @@ def _moved(points, T):
 
 
 def transformed(shapes: ConvexSet, T: np.ndarray) -> ConvexSet:
-    """The same shapes seen from a frame in which theirs has the pose T (7,)."""
+    """The set in another frame.
+
+    Args:
+        shapes: the set.
+        T: (7,) pose of the set's frame in the other frame.
+    """
     vertices, center = _moved(shapes.vertices, T), _moved(shapes.center, T)
     return ConvexSet(vertices, shapes.start, shapes.radius, center, shapes.bound, shapes.edges)
 
@@ -158,8 +185,10 @@ def _centers_apart(cA, RA, pA, cB, RB, pB):
 
 @nb.njit(**OPTIONS)
 def sets_closer(VA, sA, radA, cA, bA, RA, pA, VB, sB, radB, cB, bB, RB, pB, min_distance):
-    """Whether any shape of set A is nearer than ``min_distance`` (m) to any of set B; the arrays are those of
-    ConvexSet."""
+    """Whether any shape of set A is closer than ``min_distance`` (m) to any shape of set B.
+
+    The arrays are those of :class:`ConvexSet`; (RA, pA) and (RB, pB) are the frames of the sets.
+    """
     witness = np.empty((3, 3))
     work = np.zeros(WORK)
     for i in range(len(radA)):
@@ -187,9 +216,9 @@ def sets_closer(VA, sA, radA, cA, bA, RA, pA, VB, sB, radB, cB, bB, RB, pB, min_
 
 @nb.njit(**OPTIONS)
 def sets_distance(VA, sA, radA, cA, bA, T_a, VB, sB, radB, cB, bB, T_b, cutoff):
-    """Smallest signed distance (m) of two sets at poses (7,), or a value above ``cutoff`` when they are farther apart.
+    """Smallest signed distance (m) of two sets at poses T_a and T_b (7,); above ``cutoff`` only a lower bound.
 
-    The other arrays are those of ConvexSet.
+    The other arrays are those of :class:`ConvexSet`.
     """
     RA, pA, RB, pB = _rotation(T_a), T_a[:3], _rotation(T_b), T_b[:3]
     witness = np.empty((3, 3))
@@ -210,9 +239,14 @@ def sets_distance(VA, sA, radA, cA, bA, T_a, VB, sB, radB, cB, bB, T_b, cutoff):
 
 @nb.njit(**OPTIONS)
 def sets_nearest(VA, sA, radA, cA, bA, places, VB, sB, radB, cB, bB, owner, best):
-    """Lowers best (N,) to the distances (m) of set A, at any of its places (K, 7), from the owners (SB,) of set B.
+    """Smallest distances (m) of set A, over several poses, from groups of shapes of set B.
 
-    Set B is where it is given. The other arrays are those of ConvexSet.
+    Args:
+        places: (K, 7) poses of set A.
+        owner: (SB,) group of each shape of set B, which is given in the world frame.
+        best: (N,) in and out; lowered to the distance of each group.
+
+    The other arrays are those of :class:`ConvexSet`.
     """
     witness = np.empty((3, 3))
     work = np.zeros(WORK)
@@ -232,7 +266,18 @@ def sets_nearest(VA, sA, radA, cA, bA, places, VB, sB, radB, cB, bB, owner, best
 
 
 def set_distance(A: ConvexSet, T_a: np.ndarray, B: ConvexSet, T_b: np.ndarray, cutoff: float = FAR) -> float:
-    """Smallest signed distance in metres between two sets at poses (7,); above ``cutoff`` only a bound."""
+    """Smallest signed distance of two sets.
+
+    Args:
+        A: the first set, at the pose ``T_a`` (7,).
+        T_a: (7,).
+        B: the second set, at the pose ``T_b`` (7,).
+        T_b: (7,).
+        cutoff: m; a result above it is only a lower bound.
+
+    Returns:
+        The distance in metres; negative values are penetration depths.
+    """
     return sets_distance(
         A.vertices, A.start, A.radius, A.center, A.bound, T_a,
         B.vertices, B.start, B.radius, B.center, B.bound, T_b, cutoff,

@@ -1,4 +1,4 @@
-"""Compiled evaluation of all pairs of a CollisionModel at one set of frames."""
+"""Compiled distances of all pairs of a CollisionModel, given the frames."""
 
 import numba as nb
 import numpy as np
@@ -6,12 +6,12 @@ import numpy as np
 from hmap_core.collision.compile_options import INLINE
 from hmap_core.collision.gjk import distance_from
 
-BEYOND = 1e3  # m: what a pair that is far apart reports
+BEYOND = 1e3  # m, reported distance of a pair that is far apart
 
 
 @nb.njit(**INLINE)
 def place_centers(cols, R, p, centers):
-    """World centres (S, 3) of the bounding spheres."""
+    """World positions (S, 3) of the centres of the bounding spheres."""
     frame, center = cols.frame, cols.center
     for s in range(frame.shape[0]):
         f = frame[s]
@@ -22,16 +22,18 @@ def place_centers(cols, R, p, centers):
 
 @nb.njit(**INLINE)
 def move_on(cols, R, p, centers, turned, moved, slack):
-    """Places the shapes at new frames, and takes what they may have come nearer by off the slack of each pair.
+    """Moves the shapes to new frames and reduces the slack of each pair by the motion of its shapes.
 
-    No point of a shape moves farther than its bounding sphere's centre, plus the sphere's radius times the norm of the
-    difference of the rotations.
+    A point of a shape moves by at most the motion of the centre of its bounding sphere, plus the radius of the sphere
+    times the norm of the difference of the rotations.
 
     Args:
-        R, p: frames (F, 3, 3), (F, 3).
-        centers: (S, 3) in and out; turned: (F, 3, 3) in and out: the rotations that ``centers`` belongs to.
+        cols: the collision model.
+        R, p: (F, 3, 3), (F, 3) new frames.
+        centers: (S, 3) in and out; centres of the bounding spheres.
+        turned: (F, 3, 3) in and out; the rotations that ``centers`` belong to.
         moved: (S,) scratch.
-        slack: (P,) in and out, metres.
+        slack: (P,) in and out, m.
     """
     frame, center, bound = cols.frame, cols.center, cols.bound
     last = -1
@@ -67,7 +69,7 @@ def move_on(cols, R, p, centers, turned, moved, slack):
 
 @nb.njit(**INLINE)
 def _box_distance(low, high, R, p, c):
-    """Distance of a world point c from the box [low, high] of a frame."""
+    """Distance of a world point c (3,) from the box [low, high] of the frame (R, p)."""
     d0, d1, d2 = c[0] - p[0], c[1] - p[1], c[2] - p[2]
     square = 0.0
     for x in range(3):
@@ -82,7 +84,7 @@ def _box_distance(low, high, R, p, c):
 def pair_distance(cols, k, R, p, centers, cutoff, guess, witness, work):
     """Signed distance (m) of pair k, or a lower bound above ``cutoff``.
 
-    ``guess`` (9,) keeps the closest features between calls; it makes the next call on a similar configuration cheap.
+    ``guess`` (9,) is the cached GJK guess: the closest features of the last query, with which this query starts.
     """
     a, b = cols.a[k], cols.b[k]
     ca, cb = centers[a], centers[b]

@@ -1,4 +1,4 @@
-"""Shapes that hang on the frames of a problem, and the pairs of them that must keep a distance."""
+"""Collision model of a problem: shapes on its frames, and pairs of shapes that must keep a minimum distance."""
 
 from collections import namedtuple
 from collections.abc import Iterable, Sequence
@@ -9,27 +9,34 @@ import numpy as np
 from hmap_core.collision.convex import ConvexSet, bounding_sphere
 from hmap_core.collision.edges import NO_EDGES
 
-# The arrays of a CollisionModel as the compiled code takes them.
-#   vertices (V,3), start (S+1,), radius (S,), center (S,3), bound (S,), low/high (S,3): box round the shape, own frame
-#   frame (S,): frame that carries it; a, b (P,): shapes of a pair; minimum distance (P,): m; phases (P,): bit k set
-# = in phase k
-#   speed (S,): how much farther than the chain's reach says a point of the shape may move; 0 in the world frame
+# The arrays of a CollisionModel in the form that compiled code needs; lengths in metres.
+#   vertices (V,3), start (S+1,), radius (S,), center (S,3), bound (S,): as in ConvexSet, in the frame of the shape
+#   low, high (S,3): corners of the bounding box of a shape, in its frame
+#   frame (S,): index of the frame that carries the shape
+#   a, b (P,): shapes of a pair; min_distance (P,); phases (P,): bit k is set if the pair counts in phase k
+#   speed (S,): bound on the motion of a shape relative to the bound by the chain's reach; 0 in the world frame
 #   edges, edge (S+1,): hull edges of shape s are edges[edge[s]:edge[s+1]], see hmap_core.collision.edges
-#   closing (P,): how far both shapes of a pair together may move per metre that the chain's reach says
+#   closing (P,): bound on the motion of both shapes of a pair relative to the bound by the chain's reach
 Collisions = namedtuple(
     "Collisions", "vertices start radius center bound low high frame a b min_distance phases speed edges edge closing"
 )
 
-ALL_PHASES = -1  # every bit
-LEAST_SPEED = 1e-6  # of a pair that never moves, so that it can be divided by
+ALL_PHASES = -1  # all bits are set
+LEAST_SPEED = 1e-6  # speed of a pair without motion, a positive divisor
 
 
 @dataclass
 class CollisionModel:
-    """Grows shape by shape and pair by pair; :meth:`arrays` hands it to the compiled code.
+    """Shapes and pairs, added one by one; :meth:`arrays` packs them for the compiled code.
 
-    Shapes are convex pieces (vertices (n, 3), radius) in the frame that carries them, each with the name of the part it
-    belongs to.
+    Each shape is a swept hull in the frame that carries it, with the name of the body or link that it belongs to.
+
+    Attributes:
+        hulls: vertices (n, 3), sphere radius, centre and radius of the bounding sphere, and edges of each shape.
+        frames: index of the frame of each shape.
+        names: name of the body or link of each shape.
+        pairs: two shape indices, minimum distance (m) and bit mask of phases of each pair.
+        speeds: bound on the motion of each shape relative to the bound by the chain's reach.
     """
 
     hulls: list[tuple[np.ndarray, float, np.ndarray, float, np.ndarray]] = field(default_factory=list)
@@ -48,12 +55,19 @@ class CollisionModel:
         speed: float = 1.0,
         edges: np.ndarray = NO_EDGES,
     ) -> int:
-        """Adds a shape and returns its number.
+        """Adds a shape.
 
         Args:
-            sphere: (center (3,), radius) that bounds it, where that is known.
-            speed: bound on its motion as a multiple of what the chain's reach says; 1 for the links themselves.
-            edges: the hull's edges (see :mod:`hmap_core.collision.edges`), where they are known.
+            name: of the body or link.
+            vertices: (n, 3) in the frame, m.
+            radius: of the sweeping sphere, m.
+            frame: index of the frame that carries the shape; 0 is the world.
+            sphere: centre (3,) and radius of a bounding sphere, if known.
+            speed: bound on its motion relative to the bound by the chain's reach; 1 for links.
+            edges: of the hull (see :mod:`hmap_core.collision.edges`), if known.
+
+        Returns:
+            Index of the shape.
         """
         if sphere is None:
             center, bound = bounding_sphere(vertices)
@@ -65,7 +79,7 @@ class CollisionModel:
         return len(self.hulls) - 1
 
     def add_set(self, name: str, shapes: ConvexSet, frame: int, speed: float = 1.0) -> list[int]:
-        """Adds all shapes of a set given in the frame's coordinates."""
+        """Adds all shapes of a set that is given in the frame; returns their indices. Arguments as of :meth:`add`."""
         return [
             self.add(
                 name, shapes.hull(s), shapes.radius[s], frame, (shapes.center[s], shapes.bound[s]), speed,
@@ -75,16 +89,23 @@ class CollisionModel:
         ]  # fmt: skip
 
     def copy(self) -> "CollisionModel":
-        """A model of the same shapes and pairs that grows on its own."""
+        """A copy that can be extended independently."""
         return CollisionModel(
             list(self.hulls), list(self.frames), list(self.names), list(self.pairs), list(self.speeds)
         )
 
     def keep_apart(self, A: Iterable[int], B: Sequence[int], min_distance: float, phases: int = ALL_PHASES) -> None:
-        """Every shape of A keeps ``min_distance`` metres from every one of B in the phases of the bit mask."""
+        """Adds the pairs of all shapes of A with all shapes of B.
+
+        Args:
+            A, B: shape indices.
+            min_distance: m.
+            phases: bit mask of the phases in which the pairs count.
+        """
         self.pairs.extend((a, b, min_distance, phases) for a in A for b in B)
 
     def arrays(self) -> Collisions:
+        """Packs the model for the compiled code."""
         vertices, radius, center, bound, edges = zip(*self.hulls, strict=True) if self.hulls else ((),) * 5
         sizes = [len(v) for v in vertices]
         points = np.concatenate([np.zeros((0, 3)), *vertices])
@@ -102,5 +123,6 @@ class CollisionModel:
         )  # fmt: skip
 
     def pair_name(self, pair: int) -> tuple[str, str]:
+        """Names of the two bodies or links of a pair."""
         a, b = self.pairs[pair][:2]
         return self.names[a], self.names[b]

@@ -1,4 +1,4 @@
-"""Compiled forward kinematics of serial chains whose joints all work about or along their local z axis."""
+"""Compiled forward kinematics and point Jacobians of serial chains with joints about or along their local z axis."""
 
 import math
 
@@ -10,14 +10,14 @@ from hmap_core.collision.compile_options import INLINE, OPTIONS
 
 @nb.njit(**INLINE)
 def forward(q, parent, R_joint, p_joint, prismatic, R, p):
-    """Frames of a forest of serial chains.
+    """Forward kinematics of several serial chains.
 
     Args:
         q: (n,) joint positions, rad or m.
-        parent: (n,) frame each joint hangs on; frame 0 is the world, frame i + 1 follows joint i.
-        R_joint, p_joint: (n, 3, 3), (n, 3) fixed transform from the parent frame to the joint at zero.
-        prismatic: (n,) 1 for sliding joints.
-        R, p: out (n + 1, 3, 3), (n + 1, 3).
+        parent: (n,) index of the parent frame of each joint; frame 0 is the world, frame i + 1 follows joint i.
+        R_joint, p_joint: (n, 3, 3), (n, 3) fixed transform from the parent frame to the joint frame at value zero.
+        prismatic: (n,) 1 for prismatic joints.
+        R, p: output, (n + 1, 3, 3) and (n + 1, 3), world frames.
     """
     for i in range(3):
         p[0, i] = 0.0
@@ -46,7 +46,15 @@ def forward(q, parent, R_joint, p_joint, prismatic, R, p):
 
 @nb.njit(**OPTIONS)
 def forward_last(Q, parent, R_joint, p_joint, prismatic):
-    """Rotation (M, 3, 3) and origin (M, 3) of the last frame at configurations Q (M, n)."""
+    """Forward kinematics of the last frame at M configurations.
+
+    Args:
+        Q: (M, n) joint positions, rad or m.
+        parent, R_joint, p_joint, prismatic: see :func:`forward`.
+
+    Returns:
+        Rotations (M, 3, 3) and origins (M, 3).
+    """
     M, n = Q.shape
     R, p = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3))
     R_last, p_last = np.empty((M, 3, 3)), np.empty((M, 3))
@@ -59,7 +67,7 @@ def forward_last(Q, parent, R_joint, p_joint, prismatic):
 
 @nb.njit(**INLINE)
 def point_jacobian(R, p, first, prismatic, frame, x0, x1, x2, d0, d1, d2, sign, row):
-    """Adds ``sign`` times the derivative of d . x, x a world point fixed in ``frame``, to row (n,)."""
+    """Adds ``sign`` times the gradient of d . x to a row (n,) of a Jacobian; x is a world point fixed in ``frame``."""
     for k in range(first[frame], frame):
         f = k + 1
         z0, z1, z2 = R[f, 0, 2], R[f, 1, 2], R[f, 2, 2]

@@ -1,4 +1,6 @@
-"""Layers of a picture, each with its depth, laid over each other."""
+"""A canvas with depth for pictures of plans: layers, outlines and spheres with occlusion."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -6,16 +8,22 @@ from hmap_core.simulation.camera import intrinsics
 from hmap_core.transforms import apply, inverse
 from hmap_core.types import Camera
 
-DEPTH_TOLERANCE = 0.002  # m; nearer together than this, the upper layer is seen
-LIGHT = np.array([-0.4, -0.6, -0.7]) / np.linalg.norm([-0.4, -0.6, -0.7])  # towards the light, camera frame
-AMBIENT = 0.55  # share of a sphere's colour that its dark side keeps
-HIGHLIGHT = 24.0  # sharpness of the bright spot
+DEPTH_TOLERANCE = 0.002  # m, difference in depth below which the new layer is visible
+LIGHT = np.array([-0.4, -0.6, -0.7]) / np.linalg.norm([-0.4, -0.6, -0.7])  # direction to the light, camera frame
+AMBIENT = 0.55  # brightness of the unlit side of a sphere, relative to its colour
+HIGHLIGHT = 24.0  # exponent of the specular highlight
 
 
 class Canvas:
-    """A picture that is painted from the back to the front.
+    """A picture with depth.
+
+    Args:
+        camera: the camera of the picture.
+        color: (H, W, 3) uint8.
+        depth: (H, W) m along the optical axis; not finite where there is nothing.
 
     Attributes:
+        camera: as given.
         color: (H, W, 3) in [0, 1].
         depth: (H, W) m along the optical axis; infinite where there is nothing.
     """
@@ -26,13 +34,27 @@ class Canvas:
         self.depth = np.where(np.isfinite(depth), depth, np.inf)
 
     def ghost(self, color: np.ndarray, depth: np.ndarray, mask: np.ndarray, alpha: float, hidden: float) -> None:
-        """Lay a transparent layer over the picture; ``hidden`` is the opacity of what is behind something."""
+        """Draws a transparent layer.
+
+        Args:
+            color: (H, W, 3) in [0, 1].
+            depth: (H, W) m.
+            mask: (H, W) bool, the pixels of the layer.
+            alpha: opacity where the layer is visible.
+            hidden: opacity where it is occluded.
+        """
         behind = depth > self.depth + DEPTH_TOLERANCE
         weight = np.where(mask, np.where(behind, hidden, alpha), 0.0)[:, :, None]
         self.color = (1.0 - weight) * self.color + weight * color
 
-    def outline(self, mask: np.ndarray, color, width: int) -> None:
-        """Draw the edge of a mask."""
+    def outline(self, mask: np.ndarray, color: Sequence[float], width: int) -> None:
+        """Draws the outline of a mask.
+
+        Args:
+            mask: (H, W) bool.
+            color: RGB in [0, 1].
+            width: pixels.
+        """
         inner = mask.copy()
         for _ in range(width):
             shrunk = inner.copy()
@@ -43,8 +65,15 @@ class Canvas:
             inner = shrunk
         self.color[mask & ~inner] = color
 
-    def sphere(self, center: np.ndarray, radius: float, color, hidden: float) -> None:
-        """Draw a sphere (world frame, m), with the opacity ``hidden`` where it is behind something."""
+    def sphere(self, center: np.ndarray, radius: float, color: Sequence[float], hidden: float) -> None:
+        """Draws a shaded sphere.
+
+        Args:
+            center: (3,) m, world frame.
+            radius: m.
+            color: RGB in [0, 1].
+            hidden: opacity where it is occluded.
+        """
         K = intrinsics(self.camera)
         x, y, z = apply(inverse(self.camera.pose), center)
         if z <= radius:
