@@ -1,4 +1,4 @@
-"""Scenes built in Python: the same keys, checks and errors as a task file."""
+"""Builds scenes in Python, with the keys, checks and errors of task files."""
 
 import copy
 import io
@@ -41,7 +41,7 @@ PoseLike = ArrayLike | Mapping[str, Any]
 
 
 class BodyOptions(TypedDict, total=False):
-    """What every ``add_*`` method of a body takes beside its shape; see :meth:`SceneBuilder.add_body`."""
+    """Optional arguments of the ``add_*`` methods of bodies; see :meth:`SceneBuilder.add_body`."""
 
     movable: bool
     tool: bool
@@ -53,11 +53,11 @@ class BodyOptions(TypedDict, total=False):
 
 
 class SceneBuilder:
-    """A scene that is put together step by step; :meth:`build` makes the :class:`~hmap_core.types.Scene`.
+    """Builds a scene step by step; :meth:`build` returns the :class:`~hmap_core.types.Scene`.
 
-    Each ``add_*`` method checks what it is given at once. :meth:`build` checks what one part says of another, such as
-    the goal's object. All lengths are in metres, masses in kilograms, angles in radians, poses in the world frame.
-    Every method that adds something returns the builder.
+    Each ``add_*`` method validates its arguments. :meth:`build` checks references between entries, such as the goal's
+    object. All lengths are in metres, masses in kilograms, angles in radians, poses in the world frame.
+    Every method that adds an entry returns the builder.
 
     A pose is an array (7,) of position and quaternion x, y, z, w; a position (3,); or a mapping as in a task file, such
     as ``{"xyz": [0.4, 0, 0.1], "rpy_deg": [0, 0, 90]}``.
@@ -84,11 +84,11 @@ class SceneBuilder:
     ):
         """
         Args:
-            name: of the task; errors and plans name it.
-            mode: what a contact may do, ``"physical"`` or ``"kinematic"``.
+            name: of the task, for error messages and plans.
+            mode: contact model, ``"physical"`` or ``"kinematic"``.
             motion: of the goal's object: ``"planar"``, ``"spatial"`` or ``"auto"``.
-            description: for people; written by :meth:`to_yaml`.
-            execution_tolerance: m, rad that the executed plan may end off its goal; None: as for a task file.
+            description: text for users; :meth:`to_yaml` writes it.
+            execution_tolerance: m and rad, see :class:`~hmap_core.types.Scene`; None: as for a task file.
 
         Raises:
             InputError: INVALID_SCENE.
@@ -106,11 +106,11 @@ class SceneBuilder:
 
     @classmethod
     def from_yaml(cls, task: str | Path, name: str | None = None) -> Self:
-        """A builder that starts with a task: its parameters and expressions are kept.
+        """Creates a builder from a task; its parameters and expressions are kept.
 
         Args:
             task: a name of :func:`~hmap_core.scenes.list_tasks`, or the path of a task file.
-            name: of the new task; that of ``task`` by default.
+            name: of the new task; by default the name of ``task``.
 
         Raises:
             InputError: as :func:`~hmap_core.scenes.load_scene`.
@@ -137,7 +137,7 @@ class SceneBuilder:
     def add_cylinder(
         self, name: str, radius: float, height: float, pose: PoseLike, **options: Unpack[BodyOptions]
     ) -> Self:
-        """Add a cylinder whose axis is z; ``pose`` is of its centre. Options and errors as of :meth:`add_body`."""
+        """Add a cylinder along z, with its centre at ``pose``. Options and errors as of :meth:`add_body`."""
         return self.add_body(name, [_shape(ShapeKind.CYLINDER, [radius, height])], pose, **options)
 
     def add_sphere(self, name: str, radius: float, pose: PoseLike, **options: Unpack[BodyOptions]) -> Self:
@@ -147,7 +147,7 @@ class SceneBuilder:
     def add_capsule(
         self, name: str, radius: float, height: float, pose: PoseLike, **options: Unpack[BodyOptions]
     ) -> Self:
-        """Add a capsule whose axis is z. Options and errors as of :meth:`add_body`.
+        """Add a capsule along z. Options and errors as of :meth:`add_body`.
 
         Args:
             height: of the cylindrical part, m.
@@ -170,7 +170,7 @@ class SceneBuilder:
             file: a path, or ``<package>://<path>``.
             pose: of the mesh's frame.
             scale: (3,) in x, y, z; 0.001 for a file in millimetres.
-            convex_hull: take the hull of a concave mesh; it is refused otherwise.
+            convex_hull: use the hull of a concave mesh, which is an error otherwise.
             options: as of :meth:`add_body`.
 
         Raises:
@@ -194,7 +194,7 @@ class SceneBuilder:
             object: a name of :func:`~hmap_core.scenes.list_objects`, or the path of an object file.
             pose: of its frame.
             values: of its parameters; the others are as in its file.
-            options: as of :meth:`add_body`; what is given replaces what its file says.
+            options: as of :meth:`add_body`; they override the values of its file.
 
         Raises:
             InputError: as :meth:`add_body`.
@@ -208,17 +208,17 @@ class SceneBuilder:
         """Add a body of one or several convex shapes.
 
         Args:
-            name: letters, digits and ``_``, a letter first; no other body or robot may have it.
-            shapes: each in the body's frame: a :class:`~hmap_core.types.Shape`, or a mapping as in a task file.
+            name: letters, digits and ``_``, a letter first; unique among bodies and robots.
+            shapes: in the body frame; each a :class:`~hmap_core.types.Shape`, or a mapping as in a task file.
             pose: T_world_body.
-            options: of these:
+            options:
 
-                - ``movable``: it may be moved by contact; else it is fixed.
-                - ``tool``: it is movable, and may be held and used as a manipulator.
-                - ``removable``: it may be put out of the way; a pose says where to, True leaves that to the planner.
-                - ``mass``: kg; needed where it can move.
+                - ``movable``: the body may be moved by contact; else it is fixed.
+                - ``tool``: the body is movable and may serve as a manipulator.
+                - ``removable``: the planner may move it out of the way, to the given pose; True: to any pose.
+                - ``mass``: kg; required for movable bodies.
                 - ``friction``: lateral Coulomb coefficient, 0.6 by default.
-                - ``graspable``: boxes (2, 3) [lower, upper] in the body's frame in which contacts may lie.
+                - ``graspable``: boxes (2, 3) [lower, upper] in the body frame that may have contacts.
                 - ``color``: (4,) red, green, blue and alpha in [0, 1].
 
         Raises:
@@ -235,10 +235,10 @@ class SceneBuilder:
         """Add a robot.
 
         Args:
-            name: of this robot; no other robot or body may have it.
+            name: of the robot; unique among bodies and robots.
             model: a name of :func:`~hmap_core.scenes.list_robots`, or the path of a robot file.
             base_pose: T_world_base.
-            q: (n,) start configuration, rad or m; the model's home by default.
+            q: (n,) start configuration, rad or m; by default the home configuration of the model.
 
         Raises:
             InputError: UNKNOWN_ROBOT, INVALID_SCENE or INVALID_POSE.
@@ -262,8 +262,8 @@ class SceneBuilder:
         """Add a pinhole camera.
 
         Args:
-            position, look_at: (3,) m, where it is and a point in the middle of its picture.
-            up: (3,) what is up in the picture.
+            position, look_at: (3,) m, position and a point on the optical axis.
+            up: (3,) direction that points up in the picture.
             fov_y: vertical field of view, rad.
             width, height: pixels.
 
@@ -282,10 +282,10 @@ class SceneBuilder:
         position_tolerance: float = Goal.position_tolerance,
         rotation_tolerance: float = Goal.rotation_tolerance,
     ) -> Self:
-        """Say where an object has to end; a second call replaces the first.
+        """Set the goal; a second call replaces the first.
 
         Args:
-            object: a movable body or a tool; :meth:`build` checks that it is there.
+            object: a movable body or a tool; :meth:`build` checks that it exists.
             pose: T_world_object.
             position_tolerance: m.
             rotation_tolerance: rad.
@@ -309,7 +309,7 @@ class SceneBuilder:
         """Remove a body, a robot or a camera.
 
         Raises:
-            InputError: UNKNOWN_OBJECT; there is none of that name.
+            InputError: UNKNOWN_OBJECT; no entry has that name.
         """
         groups = [group for group in (*NAMED, "cameras") if name in self._data.get(group, {})]
         if not groups:
@@ -319,10 +319,10 @@ class SceneBuilder:
         return self
 
     def build(self, seed: int | None = None) -> Scene:
-        """The scene.
+        """Build the scene.
 
         Args:
-            seed: 0 or larger, of the parameters of the task it was made from; None takes the task's own, else 0.
+            seed: 0 or larger, for the parameters of the task; None: the seed of the task, or 0.
 
         Raises:
             InputError: as :func:`~hmap_core.scenes.load_scene`; errors name the scene and the key.
@@ -330,9 +330,9 @@ class SceneBuilder:
         return instantiate(self._document, self.name, seed)
 
     def to_yaml(self) -> str:
-        """The text of a task file from which :func:`~hmap_core.scenes.load_scene` makes the same scene.
+        """The text of a task file for the same scene, for :func:`~hmap_core.scenes.load_scene`.
 
-        Paths of meshes, objects and robots in it are absolute, but for those that come with hmap.
+        Paths of meshes, objects and robots are absolute, except for files that come with hmap.
         """
         order = [field.alias or name for name, field in TaskFile.model_fields.items()]
         data = {key: self._data[key] for key in order if self._data.get(key) not in (None, {})}
@@ -343,10 +343,10 @@ class SceneBuilder:
         return text.getvalue()
 
     def save(self, path: str | Path) -> Path:
-        """Write a task file, which ``hmap plan`` takes; its path.
+        """Write a task file for ``hmap plan``, and return its path.
 
         Raises:
-            InputError: the scene is not complete (as :meth:`build`), the name does not end in .yaml, or the file cannot
+            InputError: the scene is incomplete (as :meth:`build`), the name does not end in .yaml, or the file cannot
                 be written.
         """
         path = Path(path)
@@ -394,7 +394,7 @@ class SceneBuilder:
     def _add(
         self, group: str, name: str, entry: dict[str, Any], model: type[Model], check: Callable[[Model], Any]
     ) -> Self:
-        """Add an entry, unless it is wrong."""
+        """Add an entry if it is valid."""
         here = (group, name)
         if not isinstance(name, str) or not re.fullmatch(NAME_PATTERN, name):
             raise self._document.error(here, NAME_RULE)
@@ -424,14 +424,14 @@ class SceneBuilder:
 
 
 def _material(graspable: Sequence[ArrayLike] | None = None, **others: Any) -> dict[str, Any]:
-    """What is given of mass, friction, graspable and color; a key that is not known is left to the schema."""
+    """The given ones of mass, friction, graspable and color; the schema rejects unknown keys."""
     regions = None if graspable is None else [_region(region) for region in graspable]
     given = {"graspable": regions} | {key: _plain(value) for key, value in others.items()}
     return {key: value for key, value in given.items() if value is not None}
 
 
 def _region(region: Any) -> Any:
-    """A box [lower, upper] as in a task file; what is none is left to the schema."""
+    """A box [lower, upper] as in a task file; the schema rejects other values."""
     plain = _plain(region)
     return {"lower": plain[0], "upper": plain[1]} if isinstance(plain, list) and len(plain) == 2 else plain
 
@@ -453,7 +453,7 @@ def _shape_entry(shape: Shape | Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Arrays, tuples, paths and enumerations as what a YAML file holds; anything else is left to the schema."""
+    """Converts arrays, tuples, paths and enumerations to YAML types; the schema rejects other values."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, str):
@@ -468,7 +468,7 @@ def _plain(value: Any) -> Any:
 
 
 def _degrees(angle: Any) -> Any:
-    """An angle in degrees; what is no number is left to the schema."""
+    """An angle (rad) in degrees; the schema rejects other values."""
     plain = _plain(angle)
     return float(np.rad2deg(plain)) if isinstance(plain, int | float) and not isinstance(plain, bool) else plain
 
@@ -481,12 +481,12 @@ def _uri(file: str | Path, base: Path | None = None) -> str:
 
 
 def _named(name: str | Path, base: Path | None = None) -> str:
-    """The name of something that comes with hmap as it is, and a file as an absolute path."""
+    """The name of an item that comes with hmap unchanged; the path of a file made absolute."""
     return _uri(name, base) if str(name).endswith(SUFFIXES) else str(name)
 
 
 def _absolute(data: dict[str, Any], base: Path) -> dict[str, Any]:
-    """A task's data whose paths do not depend on the folder it was read from."""
+    """The data of a task with absolute paths."""
     for group in GROUPS:
         for body in data.get(group, {}).values():
             if "object" in body:
