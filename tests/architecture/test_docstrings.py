@@ -28,7 +28,6 @@ NOT_CONVERTED = {
     "ros2_ws/src/hmap_core/hmap_core/cli/execute.py",
     "ros2_ws/src/hmap_core/hmap_core/cli/plan.py",
     "ros2_ws/src/hmap_core/hmap_core/cli/tasks.py",
-    "ros2_ws/src/hmap_core/hmap_core/collision/scene_model.py",
     "ros2_ws/src/hmap_core/hmap_core/execution/closed_loop.py",
     "ros2_ws/src/hmap_core/hmap_core/komo/features/base.py",
     "ros2_ws/src/hmap_core/hmap_core/komo/skeleton_problem.py",
