@@ -38,12 +38,11 @@ def test_each_term_is_defined_once():
 def test_named_code_exists():
     wrong = []
     for term, _, where, _ in rows():
-        match = re.fullmatch(r"`(\w+)` in `(\w+)`", where)
-        if match:
-            name, place = match.groups()
+        placed = re.findall(r"`(\w+)` in `(\w+)`", where)
+        for name, place in placed:
             if not re.search(rf"^(class|def) {name}\b", code_of(place), re.MULTILINE):
                 wrong.append(f"{term}: no {name} in {place}")
-        else:
+        if not placed:
             names = re.findall(r"`(\w+)(?:\.\w+)?`", where)
             everything = code_of("") + code_of("hmap")
             wrong += [
