@@ -1,4 +1,4 @@
-"""Scenes, states and plans <-> messages, on top of hmap_msgs_py; what comes in is checked against its scene."""
+"""Conversions of scenes, states and plans, on top of hmap_msgs_py; incoming values are checked against their scene."""
 
 import re
 from collections.abc import Sequence
@@ -22,16 +22,20 @@ from hmap_msgs import msg
 from hmap_msgs_py import bodies, clouds, plans, world
 from hmap_msgs_py.checks import ConversionError
 
-SCENES_KEPT = 16  # parsed scenes that are remembered; every request of a plan brings the same one
+SCENES_KEPT = 16  # number of cached scenes; every request of a plan has the same scene
 
 
 def scene_to_message(scene: Scene) -> msg.Scene:
-    """The scene, complete in itself."""
+    """Convert a scene; the message is complete and needs no file."""
     return msg.Scene(task=scene.task, seed=scene.seed, mode=scene.mode.value, text=scene_to_text(scene))
 
 
 def scene_from_message(message: msg.Scene) -> Scene:
-    """Raises InputError where the text is no scene."""
+    """Convert to a scene.
+
+    Raises:
+        InputError: INVALID_SCENE; the text is no scene.
+    """
     if not message.text.strip():
         raise InputError(
             "the scene has no text; take it from the topic `scene` or the service `get_scene`", Code.INVALID_SCENE
@@ -45,9 +49,14 @@ def _scene(text: str) -> Scene:
 
 
 def body_from_message(message: msg.Body) -> Body:
-    """A body of its own, such as one that is added to a scene."""
+    """Convert to a body that is not in a scene yet.
+
+    Raises:
+        InputError: INVALID_SCENE; a value is not allowed.
+        ConversionError: the message is malformed.
+    """
     fields = bodies.body_from_message(message)
-    if not re.fullmatch(NAME_PATTERN, message.name):  # it becomes part of topics
+    if not re.fullmatch(NAME_PATTERN, message.name):  # the name becomes a part of topic names
         raise InputError(
             f"name of a body {message.name!r}: must be a letter, then letters, digits and underscores",
             Code.INVALID_SCENE,
@@ -70,7 +79,14 @@ def _shape(fields: dict, body: str) -> Shape:
 def state_to_message(
     scene: Scene, state: SceneState, stamp: Time | None = None, velocity: dict[str, np.ndarray] | None = None
 ) -> msg.WorldState:
-    """Where everything of a scene is."""
+    """Convert the state of a scene's robots and bodies.
+
+    Args:
+        scene: the scene.
+        state: its state.
+        stamp: time of the state.
+        velocity: robot -> joint velocities (n,), rad/s, if measured.
+    """
     robots = [
         {
             "name": name,
@@ -88,12 +104,12 @@ def state_to_message(
 
 
 def state_from_message(scene: Scene, message: msg.WorldState) -> SceneState:
-    """The state of every robot and body of a scene; joints are matched by name.
+    """Convert to the state of every robot and body of a scene; joints are matched by name.
 
-    What a robot of the scene holds is no body of it, and is where the hand is.
+    A body that is attached to a robot of the scene is not in the message; its pose follows from the robot's.
 
     Raises:
-        ConversionError: NaN, a quaternion that is not normalised, a wrong size.
+        ConversionError: NaN, a quaternion that is not normalised, or a wrong size.
         InputError: a robot or body is not in the scene, or one of the scene is missing.
     """
     fields = world.world_state_from_message(message)
@@ -105,11 +121,11 @@ def state_from_message(scene: Scene, message: msg.WorldState) -> SceneState:
         if sorted(given) != sorted(wanted):
             raise InputError(f"the joints of {name!r} are {', '.join(given)}; they must be {', '.join(wanted)}")
         q[name] = fields["q"][name][[given.index(joint) for joint in wanted]]
-    return SceneState(q, fields["gripper"], fields["poses"] | _in_hands(scene, q))
+    return SceneState(q, fields["gripper"], fields["poses"] | _attached_poses(scene, q))
 
 
-def _in_hands(scene: Scene, q: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """What robots hold -> its pose T_world_body (7,)."""
+def _attached_poses(scene: Scene, q: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The poses T_world_body (7,) of attached bodies, by name."""
     poses = {}
     for name, robot in scene.robots.items():
         held = robot.model.attached
@@ -126,7 +142,7 @@ def _same_names(what: str, given, known, code: Code) -> None:
 
 
 def known_object(scene: Scene, name: str) -> str:
-    """The name, when it is that of a body that may move.
+    """Check for the name of a body that can move; returns the name.
 
     Raises:
         InputError: UNKNOWN_OBJECT.
@@ -139,7 +155,7 @@ def known_object(scene: Scene, name: str) -> str:
 
 
 def known_robots(scene: Scene, names: Sequence[str]) -> list[str]:
-    """The names, all robots where there are none.
+    """Check for names of robots; returns them, or all robots if there are none.
 
     Raises:
         InputError: UNKNOWN_ROBOT.
@@ -152,12 +168,23 @@ def known_robots(scene: Scene, names: Sequence[str]) -> list[str]:
 
 
 def cloud_to_message(name: str, pose: np.ndarray, cloud: Cloud, stamp: Time | None = None) -> msg.ObjectCloud:
-    """What has been seen of an object."""
+    """Convert the visible surface of an object.
+
+    Args:
+        name: of the object.
+        pose: T_world_obj (7,).
+        cloud: in the object frame.
+        stamp: time of the measurement.
+    """
     return clouds.object_cloud_to_message(name, pose, cloud.points, cloud.normals, stamp)
 
 
 def cloud_from_message(message: msg.ObjectCloud) -> Cloud | None:
-    """None where the message holds no points."""
+    """Convert to a cloud in the object frame; None if the message has no points.
+
+    Raises:
+        ConversionError: the cloud has no normals or is malformed.
+    """
     if not message.cloud.fields:
         return None
     fields = clouds.object_cloud_from_message(message)
@@ -170,10 +197,14 @@ def cloud_from_message(message: msg.ObjectCloud) -> Cloud | None:
 
 
 def plan_to_message(plan: Plan, stamp: Time | None = None) -> msg.Plan:
-    """A plan as its file holds it."""
+    """Convert a plan, in the form of its file."""
     return plans.plan_to_message(plan_file.to_dict(plan), stamp)
 
 
 def plan_from_message(message: msg.Plan) -> Plan:
-    """Raises InputError where the message holds no plan."""
+    """Convert to a plan.
+
+    Raises:
+        InputError: the message contains no plan.
+    """
     return plan_file.from_dict(plans.plan_from_message(message), "the plan message")

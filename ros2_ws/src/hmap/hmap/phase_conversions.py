@@ -1,4 +1,4 @@
-"""What the three phases of H-MaP take and give <-> messages."""
+"""Conversions of the inputs and results of H-MaP's three phases."""
 
 import numpy as np
 
@@ -22,26 +22,26 @@ def path_to_response(path: ObjectPath, name: str, response) -> None:
 
 
 def path_from_response(response) -> ObjectPath:
-    """What :func:`path_to_response` wrote."""
+    """Convert the response of :func:`path_to_response` to a path."""
     poses = np.array(response.path.poses).reshape(-1, 7)
     return ObjectPath(poses, np.array(response.cuts, int), np.array(response.clearance), response.motion)
 
 
 def contact_to_message(contact: RobotContact, name: str) -> msg.ContactCandidate:
-    """A feasible contact, with its reach and configurations."""
+    """Convert a feasible contact, with its reach and configurations."""
     return contacts.contact_to_message(
         contact.contact, contact.robot, name, int(contact.reach), contact.keyframes, contact.clear
     )
 
 
 def point_from_message(message: msg.ContactCandidate) -> ContactPoint:
-    """The contact of a candidate."""
+    """Convert to the contact of a candidate, without its reach."""
     fields = contacts.contact_from_message(message)
     return ContactPoint(**fields | {"kind": ContactKind(fields["kind"])})
 
 
 def contact_from_message(scene: Scene, message: msg.ContactCandidate) -> RobotContact:
-    """A feasible contact of a robot of the scene."""
+    """Convert to a feasible contact of a robot of the scene."""
     known_robots(scene, [message.robot])
     return feasible_contact(scene, message.robot, point_from_message(message), message)
 
@@ -49,7 +49,11 @@ def contact_from_message(scene: Scene, message: msg.ContactCandidate) -> RobotCo
 def feasible_contact(
     scene: Scene, robot: str, contact: ContactPoint, message: msg.ContactCandidate | msg.ContactFeasibility
 ) -> RobotContact:
-    """A contact with the reach, the configurations and the robots to clear that a message names."""
+    """The contact with the reach, configurations and robots to clear that a message has.
+
+    Raises:
+        ConversionError: the number of configurations differs from reach + 1.
+    """
     keyframes = contacts.keyframes_from_message(message, len(scene.robots[robot].model.joint_names))
     if len(keyframes) != message.reach + 1:
         raise ConversionError(f"keyframes of {robot!r} has {len(keyframes)} rows; reach is {message.reach}")
@@ -65,7 +69,7 @@ def motion_to_response(scene: Scene, motion: SubTrajectory, response) -> None:
 
 
 def motion_from_response(scene: Scene, response) -> SubTrajectory:
-    """What :func:`motion_to_response` wrote."""
+    """Convert the response of :func:`motion_to_response` to a sub-trajectory."""
     names = {name: robot.model.joint_names for name, robot in scene.robots.items()}
     trajectory = Trajectory(**plans.trajectory_from_message(response.trajectory, names))
     return SubTrajectory(trajectory, tuple(_segment(message) for message in response.segments))

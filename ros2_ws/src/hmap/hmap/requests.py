@@ -1,4 +1,4 @@
-"""Reads what every planning request holds, and calls other nodes' services."""
+"""Reads the common parts of planning requests, and calls other nodes' services."""
 
 import copy
 import queue
@@ -24,26 +24,27 @@ from hmap_core.exceptions import (
 from hmap_core.types import Scene, SceneState
 from hmap_msgs.msg import ErrorCode
 
-POLL = 0.1  # s between looks at whether a service is there and whether the caller still wants it
-ANSWER_MARGIN = 10.0  # s that an answer may take beyond the time limit of its request
-REPEAT = 10.0  # s without an answer after which a request is sent again; doubles every time
+POLL = 0.1  # s between checks for the service and for a cancellation
+ANSWER_MARGIN = 10.0  # s that a response can take beyond the time limit of its request
+REPEAT = 10.0  # s without a response after which a request is sent again; doubles every time
 STAGES = {
     kind.stage: kind for kind in (InputError, WaypointError, ContactError, MotionError, PlannerError, ExecutionError)
 }
 
 
 def scene_and_state(request) -> tuple[Scene, SceneState]:
-    """What a request says of the world.
+    """The scene and the state of a request.
 
     Raises:
-        InputError, ConversionError: it is malformed.
+        InputError: the scene or the state is not allowed.
+        ConversionError: the request is malformed.
     """
     scene = scene_from_message(request.scene)
     return scene, state_from_message(scene, request.world)
 
 
 def time_limit(request, default: float) -> float:
-    """The time limit of a request in seconds; 0 means the node's own.
+    """The time limit of a request in s; 0 means the node's default.
 
     Raises:
         InputError: it is negative or not finite.
@@ -55,47 +56,54 @@ def time_limit(request, default: float) -> float:
 
 
 def error_from_message(message: ErrorCode) -> HmapError:
-    """The exception that an error message came from."""
+    """The exception that an error message describes."""
     code = Code(message.code) if message.code in set(Code) else Code.INTERNAL
     return STAGES.get(message.stage, HmapError)(message.reason, code)
 
 
 class Caller:
-    """Calls services from a thread that may wait, and gets over a node that goes away and comes back."""
+    """Calls services from a thread that can wait, and tolerates nodes that are restarted.
+
+    Args:
+        node: the node that makes the clients.
+        patience: s to wait for a service that does not exist.
+        canceled: polled while waiting; true ends the call.
+    """
 
     def __init__(self, node: HmapNode, patience: float, canceled: Callable[[], bool] = lambda: False):
-        """
-        Args:
-            patience: seconds to wait for a service that is not there.
-            canceled: asked while waiting.
-        """
         self._node, self._patience, self._canceled = node, patience, canceled
         self._clients: dict[str, Client] = {}
 
     def until(self, canceled: Callable[[], bool]) -> "Caller":
-        """The same, with the same clients, that stops waiting when ``canceled`` says so."""
+        """A caller with the same clients that polls another ``canceled``."""
         other = copy.copy(self)
         other._canceled = canceled
         return other
 
     def client(self, service_type: type, name: str) -> Client:
-        """The client of a service; made once."""
+        """The client of a service; it is made once."""
         if name not in self._clients:
             self._clients[name] = self._node.create_client(service_type, name, callback_group=self._node.group)
         return self._clients[name]
 
     def call(self, service_type: type, name: str, request: Any, limit: float) -> Any:
-        """The response, whose ``error`` says success.
+        """Call a service.
 
-        A request goes lost when its node dies, and DDS takes a dead process for alive for some seconds. So a request
-        without an answer is sent again, after REPEAT and then ever more seconds; the first answer counts.
+        A request is lost if its node dies, and DDS regards a dead process as alive for some seconds. A request without
+        a response is therefore sent again, after REPEAT and then increasing times; the first response counts.
 
         Args:
-            limit: seconds that the work itself may take.
+            service_type: of the service.
+            name: its name.
+            request: the request.
+            limit: s that the work of the service can take.
+
+        Returns:
+            The response; its ``error`` is success.
 
         Raises:
-            PlannerError: SERVICE_UNAVAILABLE, TIME_LIMIT, CANCELED.
-            HmapError: of the stage and code that the response names.
+            PlannerError: SERVICE_UNAVAILABLE, TIME_LIMIT or CANCELED.
+            HmapError: the error of the response, with its stage and code.
         """
         client = self.client(service_type, name)
         self._wait_for(client, name)

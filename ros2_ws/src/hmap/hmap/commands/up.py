@@ -1,4 +1,4 @@
-"""``hmap up TASK``: the whole graph of nodes plans and executes a task."""
+"""``hmap up TASK``: starts all nodes, which plan and execute a task."""
 
 import argparse
 import signal
@@ -18,19 +18,20 @@ START_LIMIT = 120.0  # s for all nodes to be up
 POLL = 0.1  # s
 KINEMATIC = "kinematic"
 QUICK_SPEED, REAL_SPEED = 4.0, 1.0  # simulated s per s
-DISCOVERY = 0.5  # s to find nodes that run already
+DISCOVERY = 0.5  # s; time of the search for nodes that already run
 DEFAULT_TIME_LIMIT = 120.0  # s for planning
 INPUT_CODES = range(100, 200)  # of hmap_core.exceptions.Code
 YES, NO, BAD_INPUT = 0, 1, 2  # exit codes
 NODE_NAME = "hmap_up"
-BAG, PLAN, PICTURE = "bag", "plan.json", "plan.png"  # in the folder of the run
+BAG, PLAN, PICTURE = "bag", "plan.json", "plan.png"  # files in the folder of the run
 
 
 class Stopped(Exception):
-    """SIGINT or SIGTERM came."""
+    """SIGINT or SIGTERM was received."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("task", metavar="TASK", help="a name of `hmap tasks`, or a task file (.yaml)")
     seed_argument(parser)
     parser.add_argument("--out", type=Path, default=Path("runs"), metavar="DIR", help="of the runs' folders (runs)")
@@ -46,6 +47,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Start the graph, plan and execute the task, and end the graph.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        InputError: the task cannot be used, or a graph already runs.
+        PlannerError: the nodes do not start in time.
+        ExecutionError: a node has died.
+    """
     prepare_process()
     from hmap_core.planner.preconditions import check_bodies  # slow to import, as is all of ROS below
     from hmap_core.scenes import load_scene
@@ -72,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace, folder: Path, stop: threading.Event) -> int:
-    from hmap.session import Session  # imports ROS, which a wrong task name need not wait for
+    from hmap.session import Session  # imports ROS; a wrong task name is reported before that
 
     files = {"bag": folder / BAG}
     with ProgressLine() as line:
@@ -135,7 +146,7 @@ def _start(graph: Graph, session, arguments: argparse.Namespace, folder: Path, l
 
 
 def _speed(arguments: argparse.Namespace) -> float:
-    """Simulated seconds per second: as in reality where what appears has to be seen in time."""
+    """Simulated seconds per second: real time if new bodies have to be detected in time."""
     if arguments.speed is not None:
         return float(arguments.speed)
     return REAL_SPEED if arguments.dynamic_obstacles else QUICK_SPEED
@@ -146,7 +157,7 @@ def _show(line: ProgressLine, feedback) -> None:
 
 
 def _save(result, folder: Path, picture: bool, line: ProgressLine) -> dict[str, Path]:
-    """Write the plan and its picture; what -> where."""
+    """Write the plan and its picture; returns the files by kind."""
     from hmap_core import plan_file
     from hmap_core.viz.picture import render
 
@@ -162,7 +173,7 @@ def _save(result, folder: Path, picture: bool, line: ProgressLine) -> dict[str, 
 
 
 def _print(result, files: dict[str, Path]) -> None:
-    """The summary, for people."""
+    """Print the summary."""
     from hmap_core.viz.summary import summary
 
     print(("solved" if result.executed else "planned, not executed") if result.success else "not solved")

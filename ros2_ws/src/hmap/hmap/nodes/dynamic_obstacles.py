@@ -13,7 +13,7 @@ from hmap_core import transforms
 from hmap_core.exceptions import HmapError, InputError
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner.conflicts import object_clearances
-from hmap_core.planner.local import placed_bodies
+from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.simulation.dynamic import ObstacleSource
 from hmap_core.types import Body, Plan, Scene, SceneState
 from hmap_core.waypoints import ObjectPathProblem

@@ -1,4 +1,4 @@
-"""The node ``world``: the scene under dynamics, with the topics and actions of the hardware it stands in for."""
+"""The node ``world``: the scene under dynamics, with the topics and actions of real hardware."""
 
 import sys
 import time
@@ -28,7 +28,7 @@ from hmap_msgs_py.poses import pose_from_message, pose_to_message
 from hmap_msgs_py.times import time_to_message
 
 FRAME = "world"
-MOVED = 0.003  # m or rad; a picture is taken again when something has moved this far
+MOVED = 0.003  # m or rad; smallest motion after which a new picture is taken
 
 
 class WorldNode(HmapNode):
@@ -73,6 +73,7 @@ class WorldNode(HmapNode):
         self._loop.start()
 
     def close(self) -> None:
+        """Stop the simulation."""
         super().close()
         self._loop.stop()
 
@@ -113,7 +114,7 @@ class WorldNode(HmapNode):
         self._bodies_changed()
 
     def _bodies_changed(self) -> None:
-        """Say so, or let the cameras see it at once."""
+        """Announce the bodies, or take pictures at once so that the cameras see them."""
         self._offer_bodies()
         if not self._announce:
             self._loop.call(lambda: self._picture(self._loop.world))
@@ -122,18 +123,18 @@ class WorldNode(HmapNode):
         try:
             self._loop.call(lambda: self._picture(self._loop.world))
             response.success = True
-        except Exception as error:  # the answer says what
+        except Exception as error:  # the response has the reason
             response.message = str(error)
         return response
 
-    # what there is
+    # servers and topics of the current scene
 
     def _offer_scene(self) -> None:
-        """Servers and topics of a scene that has just been loaded."""
+        """Make servers and topics for a newly loaded scene."""
         scene = self._loaded = self._loop.scene
         for name in list(self._actions):
             self._actions.pop(name).destroy()
-        if self._cameras:  # between two pictures, since the world's thread takes them
+        if self._cameras:  # between two pictures, because the simulation thread takes them
             self._loop.call(self._destroy_cameras)
         self._actions = {
             name: ControllerActions(self, self._loop, self._naming, robot) for name, robot in scene.robots.items()
@@ -153,14 +154,14 @@ class WorldNode(HmapNode):
         scene = self._loop.scene
         movable = [body.name for body in scene.bodies.values() if body.kind is not BodyKind.FIXED]
         gone = [self._poses.pop(name) for name in list(self._poses) if name not in movable]
-        if gone:  # between two steps, since the world's thread publishes
+        if gone:  # between two steps, because the simulation thread publishes
             self._loop.call(lambda: [self.destroy_publisher(publisher) for publisher in gone])
         for name in movable:
             if name not in self._poses:
                 self._poses[name] = self.create_publisher(PoseStamped, self._naming.body_pose(name), 10)
         self._scene.publish(scene_to_message(scene if self._announce else self._loop.scene_without_added()))
 
-    # in the world's thread
+    # in the simulation thread
 
     def _publish(self, world: SimulatedWorld) -> None:
         if self.stopping.is_set():
@@ -182,7 +183,7 @@ class WorldNode(HmapNode):
         due = self._last.get(what, -np.inf) + period
         if now < due:
             return False
-        self._last[what] = max(due, now - period)  # what was late makes up for it, but not for more than one
+        self._last[what] = max(due, now - period)  # a late message shortens the next period, by one period at most
         return True
 
     def _joint_state(self, world: SimulatedWorld, stamp: Time) -> JointState:
@@ -211,17 +212,22 @@ class WorldNode(HmapNode):
         movable = [state.poses[n] for n, body in self._loop.scene.bodies.items() if body.kind is not BodyKind.FIXED]
         configuration = np.concatenate([*movable, *state.q.values()])
         if self._pictured is not None and self._pictured.shape != configuration.shape:
-            self._pictured = np.full_like(configuration, np.inf)  # a body came or went
+            self._pictured = np.full_like(configuration, np.inf)  # a body was added or removed
         return configuration
 
 
 def _checked(scene: Scene) -> Scene:
-    """The scene, whose bodies begin where they can be; InputError where they do not."""
+    """Return the scene if its bodies can be at their start poses.
+
+    Raises:
+        InputError: they cannot.
+    """
     check_bodies(scene, scene.goal)
     return scene
 
 
 def main(args: list[str] | None = None) -> int:
+    """Run the node; the exit code."""
     return run(WorldNode, args)
 
 

@@ -1,4 +1,4 @@
-"""``hmap tasks``: what can be planned."""
+"""``hmap tasks``: lists the tasks."""
 
 import argparse
 
@@ -8,10 +8,12 @@ HELP = "list the tasks that come with hmap"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The command has no options."""
     pass
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Print names and descriptions; the exit code."""
     tasks = scenes.task_descriptions()
     width = max(map(len, tasks), default=0)
     for name, description in tasks.items():
