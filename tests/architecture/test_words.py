@@ -63,7 +63,6 @@ NOT_CONVERTED = {
     "docs/execution.md",
     "docs/graph.md",
     "docs/komo.md",
-    "docs/planner.md",
     "docs/results.md",
     "ros2_ws/src/hmap/hmap/nodes/komo_optimiser.py",
     "ros2_ws/src/hmap/hmap/nodes/supervisor.py",
