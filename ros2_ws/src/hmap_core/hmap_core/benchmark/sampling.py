@@ -25,10 +25,8 @@ IK_DAMPING = 1e-3
 IK_MAX_STEP = 0.4  # rad, of one joint in one iteration
 IK_TOLERANCE = 1e-6  # m and rad
 MAX_JOINT_STEP = 0.2  # rad; largest change of a joint between successive poses of a path
-OBJECT_SAMPLES, APPROACH_SAMPLES = (
-    12,
-    3,
-)  # at which a straight way with the object, and one to the contact, is looked at
+# numbers of poses at which the object's straight path, and the straight approach, are checked
+OBJECT_SAMPLES, APPROACH_SAMPLES = 12, 3
 CONTACT_GAP = 0.0003  # m between a touching fingertip and the surface
 
 

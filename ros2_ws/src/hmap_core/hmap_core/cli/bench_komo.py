@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     from hmap_core.benchmark.rai_side import robotic
 
     problems = registry.find(arguments.problems)
-    robotic()  # says so at once when it is missing
+    robotic()  # raises at once if it is missing
     results = {}
     print(*report.heading(), sep="\n", flush=True)
     for name, problem in problems.items():

@@ -72,10 +72,9 @@ class ObjectPath:
     """
 
     poses: np.ndarray  # (M, 7) T_world_obj, from the start to the goal
-    cuts: (
-        np.ndarray
-    )  # (I,) increasing indices into poses, one per waypoint; the last is M - 1, the start is not among them
-    clearance: np.ndarray  # (M,) m, to what is not touched at the start or the goal; at most CLEARANCE_CAP
+    # (I,) increasing indices into poses, one per waypoint; the last is M - 1, and the start is not included
+    cuts: np.ndarray
+    clearance: np.ndarray  # (M,) m, distance to bodies touched neither at start nor goal; at most CLEARANCE_CAP
     motion: str  # "planar" or "spatial"
 
     @property
