@@ -28,10 +28,12 @@ LAYERS = (
     {"compile_cache", "exceptions", "lazy", "transforms"},
     {"types"},
     {"scenes"},
-    {"kinematics", "collision", "simulation", "plan_file", "trajectory"},
+    {"kinematics", "collision", "plan_file", "trajectory"},
     {"komo", "validation"},
-    {"waypoints", "contacts", "execution"},
+    {"waypoints", "contacts"},
     {"planner"},
+    {"execution"},
+    {"simulation"},
     {"benchmark", "evaluation", "viz"},
     {"precompile"},
     {"cli"},
@@ -50,6 +52,12 @@ PLANNING = {
     "planner",
 }
 JUDGE_MAY_IMPORT = {"exceptions", "validation"}
+# Only the simulation knows PyBullet; these use the simulation: a path inside the package, or a folder of it.
+SIMULATION = "hmap_core.simulation"
+SIMULATION_USERS = {
+    "hmap_core": {"simulation", "evaluation", "viz", "cli/execute.py"},
+    "hmap": {"world", "nodes/world.py", "nodes/dynamic_obstacles.py"},
+}
 
 
 def imports(path: Path, package: Path) -> set[str]:
@@ -90,6 +98,32 @@ def test_core_knows_no_ros(package):
     for path in files(package):
         tops = {name.split(".")[0] for name in imports(path, PACKAGES[package])}
         wrong += [f"{path.relative_to(ROOT)} imports {top}" for top in tops if is_ros(top)]
+    assert not wrong
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_only_the_simulation_imports_pybullet(package):
+    """Its data package is found by path, and not imported either."""
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {name}"
+        for path in files(package)
+        for name in imports(path, PACKAGES[package])
+        if name.split(".")[0].startswith("pybullet")
+        and not (package == "hmap_core" and path.is_relative_to(PACKAGES[package] / "simulation"))
+    ]
+    assert not wrong
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_only_users_at_the_top_import_the_simulation(package):
+    allowed = [PACKAGES[package] / name for name in SIMULATION_USERS.get(package, ())]
+    assert all(path.exists() for path in allowed)
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {name}"
+        for path in files(package)
+        for name in imports(path, PACKAGES[package])
+        if f"{name}.".startswith(f"{SIMULATION}.") and not any(path.is_relative_to(user) for user in allowed)
+    ]
     assert not wrong
 
 

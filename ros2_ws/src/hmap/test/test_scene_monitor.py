@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from hmap.conversions import scene_to_message, state_to_message
-from hmap.supervision.follower import LOST_POSITION, Follower
+from hmap.supervision.ports import ros_ports
 from hmap.supervision.scene_monitor import REST_PERIOD, SceneMonitor
 from hmap_core.exceptions import Code, ExecutionError, InputError
+from hmap_core.execution.drift import DriftTolerance
+from hmap_core.execution.watcher import LOST_POSITION, Watcher
 from hmap_core.scenes import load_scene
 from hmap_core.simulation.dynamic import sphere
 from hmap_core.types import Plan, Segment, SegmentKind, Trajectory
@@ -92,18 +94,18 @@ def test_settled_does_not_make_do_with_what_it_knows(scene):
     assert caught.value.code is Code.STALE_STATE
 
 
-def follower_and_plan(scene, scene_monitor, planned: float):
+def watcher_of(scene, scene_monitor, planned: float) -> Watcher:
     pose = scene.bodies[OBJECT].pose + np.eye(7)[0] * planned
     trajectory = SimpleNamespace(objects={OBJECT: np.array([pose])}, time=np.zeros(1))
-    return Follower(None, scene_monitor, lambda: False), SimpleNamespace(scene=scene, trajectory=trajectory)
+    plan = SimpleNamespace(scene=scene, trajectory=trajectory)
+    return Watcher(plan, ros_ports(None, scene_monitor, PATIENCE))
 
 
 def test_a_state_of_before_the_end_of_a_stretch_does_not_mean_that_the_object_is_lost(scene):
     scene_monitor, tell = observer_at(scene, 2.0)
     tell(1.9, 0.0)
     thread = tell_later(scene_monitor, tell, [(2.1, FAR), (2.1 + 1.1 * REST_PERIOD, FAR)])
-    follower, plan = follower_and_plan(scene, scene_monitor, FAR)
-    follower._watch(plan, 0)
+    watcher_of(scene, scene_monitor, FAR).check_lost(0)
     thread.join()
 
 
@@ -111,9 +113,9 @@ def test_an_object_that_stands_elsewhere_is_lost(scene):
     scene_monitor, tell = observer_at(scene, 2.0)
     tell(1.9, 0.0)
     thread = tell_later(scene_monitor, tell, [(2.1, 0.0), (2.1 + 1.1 * REST_PERIOD, 0.0)])
-    follower, plan = follower_and_plan(scene, scene_monitor, FAR)
+    watcher = watcher_of(scene, scene_monitor, FAR)
     with pytest.raises(ExecutionError, match=OBJECT) as caught:
-        follower._watch(plan, 0)
+        watcher.check_lost(0)
     assert caught.value.code is Code.OBJECT_DROPPED
     thread.join()
 
@@ -160,7 +162,6 @@ def test_what_is_off_the_plan_between_two_contacts_is_told(scene, shift, expecte
     scene_monitor, tell = observer_at(scene, 2.0)
     thread = tell_later(scene_monitor, tell, [(2.1, shift), (2.1 + 1.1 * REST_PERIOD, shift)])
     tell(1.9, shift)
-    follower, _ = follower_and_plan(scene, scene_monitor, 0.0)
     trajectory = Trajectory(
         np.zeros(1),
         {name: robot.q[None] for name, robot in scene.robots.items()},
@@ -169,10 +170,11 @@ def test_what_is_off_the_plan_between_two_contacts_is_told(scene, shift, expecte
     )
     to_come = Segment(0.0, 1.0, "panda_1", "panda_hand", OBJECT, SegmentKind.PUSH)
     plan = Plan(scene, trajectory, (to_come,), np.zeros((0, 7)), {})
+    watcher = Watcher(plan, ros_ports(None, scene_monitor, PATIENCE))
     if expected is None:
-        follower._watch_drift(plan, 0)
+        watcher.check_drift(0, DriftTolerance())
     else:
         with pytest.raises(ExecutionError, match=f"{OBJECT}.*{expected}") as caught:
-            follower._watch_drift(plan, 0)
+            watcher.check_drift(0, DriftTolerance())
         assert caught.value.code is Code.GOAL_MISSED
     thread.join()

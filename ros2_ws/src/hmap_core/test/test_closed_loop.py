@@ -11,11 +11,10 @@ from simulation_fixtures import HOME, box, scene
 from hmap_core import planner, transforms
 from hmap_core.evaluation.replanning import replanner
 from hmap_core.exceptions import Code, MotionError
-from hmap_core.execution.attached_tool import AttachedTool
-from hmap_core.execution.closed_loop import execute_closed_loop
-from hmap_core.execution.execute import execute
+from hmap_core.execution.recovery import ReplanRequest
 from hmap_core.execution.stretches import stretches
 from hmap_core.planner.assembly import scene_at
+from hmap_core.simulation.execute import execute, execute_closed_loop
 from hmap_core.types import Goal, Plan, Scene, SceneState, SegmentKind
 
 SIZE = (0.06, 0.06, 0.06)
@@ -63,10 +62,11 @@ class Replanner:
         self.states: list[SceneState] = []
         self.attempts: list[int] = []
 
-    def __call__(self, state: SceneState, attempt: int, tools: tuple[AttachedTool, ...]) -> Plan:
+    def __call__(self, request: ReplanRequest) -> Plan:
+        state = request.state
         self.states.append(state)
-        self.attempts.append(attempt)
-        if attempt <= self.fail:
+        self.attempts.append(request.attempt)
+        if request.attempt <= self.fail:
             raise MotionError("no way")
         return drag_plan(scene_at(self.scene, state), "box", 0.06, GOAL.pose[:3] - state.poses["box"][:3])
 
@@ -215,7 +215,7 @@ def test_the_planner_plans_anew_from_a_disturbed_world(tmp_path):
     task = carry(tmp_path, motion="spatial")
     plan = planner.plan(task, seed=1, time_limit=120.0)
     between = shift("brick", (-0.05, -0.08, 0), before_first_grasp)
-    report = execute_closed_loop(plan, replanner(task, 1, 120.0), 2, between=between)
+    report = execute_closed_loop(plan, replanner(1, 120.0), 2, between=between)
     assert report.solved, report.reason
     assert len(report.replans) == 1 and report.goal_error.position_m < 0.005
 

@@ -10,8 +10,11 @@ from simulation_fixtures import box, scene
 
 from hmap_core import transforms
 from hmap_core.exceptions import Code, InputError
-from hmap_core.execution.execute import Execution, execute
+from hmap_core.execution.plan_executor import PlanExecutor
 from hmap_core.execution.stretches import joint_trajectory, stretches
+from hmap_core.simulation.execute import execute
+from hmap_core.simulation.ports import simulated_ports
+from hmap_core.simulation.world import SimulatedWorld
 from hmap_core.types import BodyKind, Goal, Plan, Scene, Segment, SegmentKind, TaskMode
 
 SIZE = (0.06, 0.06, 0.06)
@@ -154,13 +157,15 @@ def test_report_is_plain_data(executed):
 
 
 def test_execution_can_be_driven_stretch_by_stretch(dragged):
-    with Execution(dragged) as execution:
+    with SimulatedWorld(dragged.scene) as world:
+        ports = simulated_ports(world)
+        execution = PlanExecutor(ports).begin(dragged)
         grasp = next(i for i, s in enumerate(execution.stretches) if s.held)
         for stretch in execution.stretches[:grasp]:
             execution.follow(stretch)
-        assert execution.observe().poses["box"][:3] == pytest.approx(START, abs=2e-3)
+        assert ports.observation.state().poses["box"][:3] == pytest.approx(START, abs=2e-3)
         execution.follow(execution.stretches[grasp])
-        assert execution.observe().poses["box"][:3] == pytest.approx(START + BY, abs=2e-3)
+        assert ports.observation.state().poses["box"][:3] == pytest.approx(START + BY, abs=2e-3)
 
 
 def test_stretches_cover_the_plan_and_separate_gripper_and_arm(dragged):

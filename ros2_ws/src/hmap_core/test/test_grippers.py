@@ -10,13 +10,13 @@ from hmap_core import plan_file
 from hmap_core.contacts.grasp_torque import weight_torque_ratio
 from hmap_core.contacts.hand import align_pads, hand_of
 from hmap_core.exceptions import InputError
-from hmap_core.execution.execute import execute
 from hmap_core.kinematics.arm import FINGER_TOLERANCE, load_arm
 from hmap_core.planner import plan
 from hmap_core.planner.sweep import robot_sweeps
 from hmap_core.scenes import load_robot_model, load_scene
 from hmap_core.simulation.client import BulletClient
 from hmap_core.simulation.collision_pairs import ignored_pairs
+from hmap_core.simulation.execute import execute
 from hmap_core.simulation.world import SimulatedWorld
 from hmap_core.transforms import apply, from_rpy, inverse, multiply, pose
 from hmap_core.types import ContactKind, ContactPoint, Plan, RobotModel, Scene, Segment, SegmentKind, Trajectory

@@ -8,13 +8,13 @@ import pytest
 from planner_fixtures import GOAL, START, carry, crate
 
 from hmap_core.exceptions import Code, ContactError, HmapError, InputError, PlannerError
-from hmap_core.execution.execute import execute
 from hmap_core.komo.shapes import body_set
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import plan
 from hmap_core.planner.conflicts import object_clearances
 from hmap_core.planner.object_path import bases
 from hmap_core.scenes import list_tasks, load_scene
+from hmap_core.simulation.execute import execute
 from hmap_core.transforms import distance, pose
 from hmap_core.types import SegmentKind
 from hmap_core.validation import check

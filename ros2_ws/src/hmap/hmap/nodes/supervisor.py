@@ -18,13 +18,16 @@ from hmap.node import LATCHED, HmapNode, run
 from hmap.remote_components import remote_components
 from hmap.requests import Caller, time_limit
 from hmap.supervision.controllers import Controllers
-from hmap.supervision.follower import Blocked, Follower
 from hmap.supervision.markers import markers_of
+from hmap.supervision.ports import ros_ports
 from hmap.supervision.scene_monitor import SceneMonitor
 from hmap_core import planner, transforms
 from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import Code, ExecutionError, HmapError, InputError, PlannerError
+from hmap_core.execution.plan_executor import PlanExecutor
+from hmap_core.execution.recovery import RecoveryPolicy, ReplanRequest
 from hmap_core.planner import HmapPlanner, ManipulationPlanner, plugins
+from hmap_core.planner.interfaces import ToolGrasp
 from hmap_core.planner.repair import plan_anew, rehearse
 from hmap_core.types import Goal, Plan, Scene
 from hmap_msgs.action import Manipulate
@@ -41,17 +44,6 @@ LOADING_LIMIT = 30.0  # s for a scene to be loaded
 UNDISTURBED = 1.0  # s in which mending a plan does not share the interpreter with callbacks; a cancel waits as long
 REHEARSAL_LIMIT = 30.0  # s
 STOPPING, REPLANNING = "stopping", "replanning"  # phases beside those of PlannerStatus
-NO_PLAN = (
-    Code.START_IN_COLLISION,
-    Code.GOAL_IN_COLLISION,
-    Code.NO_OBJECT_PATH,
-    Code.NO_CONTACT,
-    Code.OUT_OF_REACH,
-    Code.NO_MOTION,
-    Code.TIME_LIMIT,
-    Code.PLAN_REJECTED,
-)
-RECOVERABLE = (Code.TRACKING_LOST, Code.GOAL_MISSED, Code.OBJECT_DROPPED)
 
 
 @dataclass
@@ -64,6 +56,7 @@ class Job:
     result: Manipulate.Result = field(default_factory=Manipulate.Result)
     plans: int = 0  # that were asked for
     blocked: int = 0  # how often a body came in the way
+    last_blocked: tuple[Plan, float] | None = None  # the last blocked plan, and up to which time (s)
     replans: list[dict] = field(default_factory=list)  # how each new plan because of that was found
 
     @property
@@ -83,11 +76,15 @@ class Supervisor(HmapNode):
         self._planner = self.parameter("planner", plugins.DEFAULT_PLANNER, "the method; see `hmap plugins`")
         self._patience = self.parameter("service_patience", 30.0, "s to wait for a node that is away", 0.0, 3600.0)
         self._state_patience = self.parameter("state_patience", 10.0, "s to wait for a world state", 0.0, 3600.0)
-        self._replans = self.parameter("replans", 2, "new plans after an execution that went wrong", 0, 1000)
+        replans = self.parameter("replans", 2, "new plans after an execution that went wrong", 0, 1000)
         text = "new plans because a body came in the way"
-        self._obstacle_replans = self.parameter("obstacle_replans", 20, text, 0, 1000)
+        obstacle_replans = self.parameter("obstacle_replans", 20, text, 0, 1000)
         text = "s of real time to wait for bodies to move on when they leave no plan"
-        self._obstacle_patience = self.parameter("obstacle_patience", 10.0, text, 0.0, 3600.0)
+        obstacle_patience = self.parameter("obstacle_patience", 10.0, text, 0.0, 3600.0)
+        keeps_tools = self._planner == plugins.DEFAULT_PLANNER  # others cannot begin with a tool attached
+        self._policy = RecoveryPolicy(
+            replans, obstacle_replans, obstacle_patience, strict=False, keep_tools=keeps_tools
+        )
         stale = self.parameter("stale_after", 2.0, "s of real time; an older world state is not used", 0.05, 3600.0)
         self._plan_topic = self.create_publisher(PlanMessage, "plan", LATCHED)
         self._markers = self.create_publisher(MarkerArray, "markers", LATCHED)
@@ -141,45 +138,32 @@ class Supervisor(HmapNode):
     def _manipulate(self, job: Job) -> None:
         limit = time_limit(job.goal, self._time_limit)
         scene = self._goal_scene(job)
-        follower = self._follower(job)
-        failures, old = 0, None
-        while True:
-            try:
-                plan = self._plan(job, scene, follower, limit, old)
-            except HmapError as error:
-                failures += 1
-                if failures == 1 or error.code not in NO_PLAN or failures > self._replans:
-                    raise
-                self._say(job, REPLANNING, str(error))
-                continue
-            if job.goal.plan_only:
-                self._compare(job, plan.scene.goal, plan.trajectory.objects[plan.scene.goal.object][-1])
-                return
-            try:
-                self._follow(job, follower, plan)
-                return
-            except Blocked as blocked:
-                job.blocked += 1
-                if job.blocked > self._obstacle_replans:
-                    raise
-                old = (plan, blocked.at)
-                reason = str(blocked)
-            except ExecutionError as error:
-                failures += 1
-                if error.code not in RECOVERABLE or failures > self._replans:
-                    raise
-                follower.free_hands()
-                old = None
-                reason = str(error)
-            self.get_logger().warning(f"{reason}; planning anew from where everything is")
-            self._say(job, REPLANNING, reason)
+        state = self._scene_monitor.settled(self._state_patience)
+        changed = self._scene_monitor.changed()
+        scene = replace(self._scene_monitor.scene(), goal=scene.goal)
+        plan = self._plan(job, ReplanRequest(scene, state, 1, changed=changed), limit)
+        if job.goal.plan_only:
+            self._compare(job, plan.scene.goal, plan.trajectory.objects[plan.scene.goal.object][-1])
+            return
+        job.result.executed = True
+        threading.Thread(target=self._rehearse, args=(plan,), name="rehearsal", daemon=True).start()
+        report = self._executor(job).run(plan, lambda request: self._replan(job, request, limit), self._policy)
+        job.result.position_error = report.goal_error.position_m
+        job.result.rotation_error = float(np.deg2rad(report.goal_error.rotation_deg))
+        if report.error is not None:
+            raise report.error
+        if not report.solved:
+            raise ExecutionError(report.reason, report.code)
 
-    def _follower(self, job: Job) -> Follower:
-        return Follower(
-            self._controllers,
-            self._scene_monitor,
+    def _executor(self, job: Job) -> PlanExecutor:
+        def show(now: float, end: float, label: str) -> None:
+            self._say(job, PlannerStatus.EXECUTION, f"{now:.1f} of {end:.1f} s, {label}")
+
+        return PlanExecutor(
+            ros_ports(self._controllers, self._scene_monitor, self._state_patience),
             lambda: self._canceled(job),
-            lambda text: self._say(job, STOPPING, text),
+            on_progress=show,
+            on_stop=lambda text: self._say(job, STOPPING, text),
         )
 
     def _canceled(self, job: Job) -> bool:
@@ -215,35 +199,23 @@ class Supervisor(HmapNode):
 
     # planning
 
-    def _plan(
-        self, job: Job, scene: Scene, follower: Follower, limit: float, old: tuple[Plan, float] | None = None
-    ) -> Plan:
-        """A plan from where everything is.
+    def _replan(self, job: Job, request: ReplanRequest, limit: float) -> Plan:
+        """A new plan during the execution."""
+        self.get_logger().warning(f"{request.reason}; planning anew from where everything is")
+        self._say(job, REPLANNING, request.reason)
+        if request.blocked is not None and request.blocked is not job.last_blocked:
+            job.last_blocked = request.blocked
+            job.blocked += 1
+        try:
+            return self._plan(job, request, limit)
+        except HmapError as error:
+            waits = "waiting for the way to become free: " if request.blocked is not None else ""
+            self._say(job, REPLANNING, f"{waits}{error.reason}")
+            raise
 
-        Args:
-            scene: with the goal; its bodies are taken as they are now.
-            old: a plan, and the planned time (s) up to which it was followed, when a body has come in its way. It is
-                mended, or where that cannot be, another one is sought; where there is none, the bodies get time to move
-                on.
-        """
-        while True:
-            changed = self._scene_monitor.changed()
-            try:
-                return self._plan_once(job, scene, follower, limit, old)
-            except HmapError as error:
-                if old is None or error.code not in NO_PLAN or not self._move_on(job, changed, error):
-                    raise
-
-    def _move_on(self, job: Job, since: float, error: HmapError) -> bool:
-        """Whether the bodies have moved, or do so within the patience."""
-        self._say(job, REPLANNING, f"waiting for the way to become free: {error.reason}")
-        moved = self._scene_monitor.wait_for_change(since, self._obstacle_patience, lambda: self._canceled(job))
-        return moved and not self._canceled(job)
-
-    def _plan_once(self, job: Job, scene: Scene, follower: Follower, limit: float, old) -> Plan:
-        state = follower.told(self._scene_monitor.settled(self._state_patience))
-        now, changed = self._scene_monitor.scene(), self._scene_monitor.changed()
-        scene = replace(now, goal=scene.goal)
+    def _plan(self, job: Job, request: ReplanRequest, limit: float) -> Plan:
+        """A plan from where everything is: a repaired one where a body came in the way, else one by Algorithm 1."""
+        scene, state = request.scene, request.state
         job.plans += 1
         began, cpu = time.monotonic(), time.thread_time()
         seed = int(job.goal.seed) + job.plans - 1
@@ -254,12 +226,12 @@ class Supervisor(HmapNode):
         }
         clouds = self._scene_monitor.clouds()
         try:
-            if old is None:
-                method = self._method(job, clouds)
+            if request.blocked is None:
+                method = self._method(job, clouds, next(iter(request.tools), None))
                 plan, kept = method.plan(scene, state, seed, **limits), {}
             else:  # in this process, as every moment counts
                 with self.undisturbed(UNDISTURBED):
-                    plan, kept = plan_anew(*old, scene, state, seed, HmapPlanner(clouds=clouds), **limits)
+                    plan, kept = plan_anew(*request.blocked, scene, state, seed, HmapPlanner(clouds=clouds), **limits)
         except HmapError as error:
             if error.search is not None:
                 job.result.statistics = statistics_to_messages({"search": error.search})
@@ -268,14 +240,14 @@ class Supervisor(HmapNode):
             raise PlannerError("canceled", Code.CANCELED)
         ended = time.monotonic()
         stats = {"planning_time_s": ended - began, **plan.stats, "plans": job.plans, "blocked": job.blocked}
-        if old is not None:
+        if request.blocked is not None:
             job.replans.append(
                 {
                     "planning_s": stats["planning_time_s"],
                     "planning_cpu_s": plan.stats.get("planning_cpu_s"),
                     "with_judge_s": ended - began,
                     "with_judge_cpu_s": time.thread_time() - cpu,
-                    "after_seen_s": ended - changed,
+                    "after_seen_s": ended - request.changed,
                     "kept": kept,
                 }
             )
@@ -290,11 +262,11 @@ class Supervisor(HmapNode):
         self._markers.publish(markers_of(plan, stamp, FRAME))
         return plan
 
-    def _method(self, job: Job, clouds: dict[str, Cloud]) -> ManipulationPlanner:
+    def _method(self, job: Job, clouds: dict[str, Cloud], attached: ToolGrasp | None) -> ManipulationPlanner:
         """The planner that the parameter names; H-MaP's phases are done by the other nodes."""
         method = plugins.create(plugins.PLANNERS, self._planner)
         if isinstance(method, HmapPlanner):
-            return replace(method, components=remote_components(self._caller(job)), clouds=clouds)
+            return replace(method, components=remote_components(self._caller(job)), clouds=clouds, tool_grasp=attached)
         return method
 
     def _show_planning(self, job: Job, p: planner.Progress) -> None:
@@ -302,25 +274,6 @@ class Supervisor(HmapNode):
         self._say(job, phase, p.text, p.waypoint, p.waypoints, p.attempt)
 
     # execution
-
-    def _follow(self, job: Job, follower: Follower, plan: Plan) -> None:
-        def show(now: float, end: float, label: str) -> None:
-            self._say(job, PlannerStatus.EXECUTION, f"{now:.1f} of {end:.1f} s, {label}")
-
-        job.result.executed = True
-        if job.plans == 1:
-            threading.Thread(target=self._rehearse, args=(plan,), name="rehearsal", daemon=True).start()
-        follower.follow(plan, show)
-        goal = plan.scene.goal
-        self._compare(job, goal, self._scene_monitor.settled(self._state_patience).poses[goal.object])
-        allowed = plan.scene.execution_tolerance
-        if job.result.position_error > allowed[0] or job.result.rotation_error > allowed[1]:
-            raise ExecutionError(
-                f"{goal.object!r} ends {job.result.position_error:.3f} m and "
-                f"{np.rad2deg(job.result.rotation_error):.1f} deg from its goal; {allowed[0]:.3f} m and "
-                f"{np.rad2deg(allowed[1]):.1f} deg are allowed",
-                Code.GOAL_MISSED,
-            )
 
     def _rehearse(self, plan: Plan) -> None:
         """Load what mending a plan takes while there is time for it."""

@@ -1,9 +1,8 @@
-"""Commands to arms and grippers through their actions; waits by events, and a cancel stops the motion."""
+"""The controllers of a plan executor over actions: commands to arms and grippers, waiting by events."""
 
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from action_msgs.msg import GoalStatus
@@ -13,26 +12,12 @@ from hmap.action_client import ActionClient
 from hmap.naming import Naming
 from hmap.node import HmapNode
 from hmap_core.exceptions import Code, ExecutionError, PlannerError
-from hmap_core.types import JointTrajectory, Scene
+from hmap_core.execution.ports import Canceled, Feedback
+from hmap_core.types import JointTrajectory, Robot
 from hmap_msgs_py.times import joint_trajectory_to_message, seconds_from_message, time_to_message
 
 POLL = 0.05  # s between looks at a cancel
 CANCEL_TIMEOUT = 5.0  # s for a controller to come to rest after a cancel
-
-
-@dataclass(frozen=True)
-class Feedback:
-    """Where a controller tells its joints to be.
-
-    Attributes:
-        arrived: s of the steady clock.
-        stamp: s of the controller's clock.
-        positions: (n,) rad, base to tip.
-    """
-
-    arrived: float
-    stamp: float
-    positions: np.ndarray
 
 
 class Command:
@@ -45,8 +30,9 @@ class Command:
             joints: names on the wire, in whose order reported positions are wanted.
         """
         self.name = name
-        self.done = threading.Event()
-        self.feedback: list[Feedback] = []  # the first and the last
+        self.ended = threading.Event()
+        self.feedback: tuple[Feedback, ...] = ()  # the first and the newest
+        self.tracking_error = 0.0  # rad, the largest that was reported
         self.status, self.result = GoalStatus.STATUS_UNKNOWN, None
         self.accepted = False
         self._handle = None
@@ -55,12 +41,22 @@ class Command:
         self._news, self._joints = news, list(joints)
         client.send_goal_async(goal, self._report).add_done_callback(self._answered)
 
+    @property
+    def done(self) -> bool:
+        """Whether it has ended."""
+        return self.ended.is_set()
+
+    @property
+    def opening(self) -> float:
+        """Opening of a gripper when its command ended, m."""
+        return float(self.result.position)
+
     def cancel(self) -> None:
         """Ask the controller to stop, now or as soon as it has taken the goal."""
         with self._lock:
             self._cancel = True
             handle = self._handle
-        if handle is not None and not self.done.is_set():
+        if handle is not None and not self.done:
             handle.cancel_goal_async()
 
     def _report(self, message) -> None:
@@ -69,10 +65,11 @@ class Command:
         at = dict(zip(message.feedback.joint_names, message.feedback.desired.positions, strict=True))
         stamp = seconds_from_message(message.feedback.header.stamp)
         entry = Feedback(time.monotonic(), stamp, np.array([at[name] for name in self._joints]))
-        self.feedback = [*self.feedback[:1], entry]
+        self.feedback = (*self.feedback[:1], entry)
+        self.tracking_error = max([self.tracking_error, *np.abs(message.feedback.error.positions)])
 
     def _end(self) -> None:
-        self.done.set()
+        self.ended.set()
         self._news.set()
 
     def _answered(self, future) -> None:
@@ -95,7 +92,7 @@ class Command:
 
 
 class Controllers:
-    """The arms and grippers of a scene."""
+    """The arms and grippers of a scene; implements :class:`hmap_core.execution.ports.ControllerPort`."""
 
     def __init__(self, node: HmapNode, naming: Naming, patience: float):
         """
@@ -104,35 +101,51 @@ class Controllers:
         """
         self._node, self._naming, self._patience = node, naming, patience
         self._clients: dict[str, ActionClient] = {}
+        self._sent: list[Command] = []  # under way, and those that have just ended
+        self._tracking_error = 0.0
         self.news = threading.Event()  # set when a command has ended, or by others, so that who waits looks again
 
-    def move(self, scene: Scene, robot: str, motion: JointTrajectory, start: float | None = None) -> Command:
-        """Send an arm along a trajectory; its times count from ``start`` (s of the controller's clock), or from now."""
-        names = self._naming.arm_joints(robot, scene.robots[robot].model)
+    @property
+    def tracking_error(self) -> float:
+        """Largest deviation of any joint from its commanded position that was reported so far, rad."""
+        return max([self._tracking_error, *(command.tracking_error for command in self._sent)])
+
+    def move(self, robot: Robot, motion: JointTrajectory, start: float | None = None) -> Command:
+        """Send an arm along a trajectory; its times count from ``start`` (s of the controller's clock), or from now.
+
+        Raises:
+            ExecutionError: SERVICE_UNAVAILABLE.
+        """
+        names = self._naming.arm_joints(robot.name, robot.model)
         trajectory = joint_trajectory_to_message(names, motion.times, motion.positions, motion.velocities)
         if start is not None:
             trajectory.header.stamp = time_to_message(start)
         goal = FollowJointTrajectory.Goal(trajectory=trajectory)
-        return self._send(FollowJointTrajectory, self._naming.arm_action(robot), goal, names)
+        return self._send(FollowJointTrajectory, self._naming.arm_action(robot.name), goal, names)
 
-    def grip(self, robot: str, opening: float, force: float) -> Command:
-        """Send a gripper to an opening (m) with at most ``force`` (N)."""
+    def grip(self, robot: Robot, opening: float, force: float) -> Command:
+        """Send a gripper to an opening (m) with at most ``force`` (N).
+
+        Raises:
+            ExecutionError: SERVICE_UNAVAILABLE.
+        """
         goal = GripperCommand.Goal()
         goal.command.position, goal.command.max_effort = float(opening), float(force)
-        return self._send(GripperCommand, self._naming.gripper_action(robot), goal)
+        return self._send(GripperCommand, self._naming.gripper_action(robot.name), goal)
 
     def wait(
         self,
-        commands: list[Command],
-        canceled: Callable[[], bool],
+        commands: Sequence[Command],
         limit: float,
+        canceled: Canceled,
         look: Callable[[], None] | None = None,
     ) -> None:
         """Wait until all have ended.
 
         Args:
-            canceled: asked while waiting; true stops all commands.
+            commands: what is waited for.
             limit: s of real time without an end after which a controller is taken to hang.
+            canceled: asked while waiting; true stops all commands.
             look: called whenever there is news, and now and then; what it raises ends the waiting, not the commands.
 
         Raises:
@@ -140,11 +153,11 @@ class Controllers:
             ExecutionError: TRACKING_LOST; one failed or hangs, the others were stopped.
         """
         until = time.monotonic() + limit
-        while not all(command.done.is_set() for command in commands):
+        while not all(command.done for command in commands):
             if canceled():
                 self._stop(commands)
                 raise PlannerError("canceled; the motion was stopped", Code.CANCELED)
-            failed = next((c for c in commands if c.done.is_set() and _failure(c)), None)
+            failed = next((c for c in commands if c.done and _failure(c)), None)
             if failed or time.monotonic() > until:
                 self._stop(commands)
                 reason = _failure(failed) if failed else f"no controller finished within {limit:g} s"
@@ -157,11 +170,15 @@ class Controllers:
             if reason := _failure(command):
                 raise ExecutionError(reason, Code.TRACKING_LOST)
 
-    def _stop(self, commands: list[Command]) -> None:
+    def stop(self) -> None:
+        """Cancel every command that is under way, and wait until it has ended."""
+        self._stop([command for command in self._sent if not command.done])
+
+    def _stop(self, commands: Sequence[Command]) -> None:
         for command in commands:
             command.cancel()
         for command in commands:
-            command.done.wait(CANCEL_TIMEOUT)
+            command.ended.wait(CANCEL_TIMEOUT)
 
     def _send(self, kind: type, name: str, goal, joints: Sequence[str] = ()) -> Command:
         if name not in self._clients:
@@ -169,7 +186,10 @@ class Controllers:
         client = self._clients[name]
         if not client.wait_for_server(self._patience):
             raise ExecutionError(f"no controller offers the action {name!r}", Code.SERVICE_UNAVAILABLE)
-        return Command(name, client, goal, self.news, joints)
+        command = Command(name, client, goal, self.news, joints)
+        self._tracking_error = self.tracking_error
+        self._sent = [*(sent for sent in self._sent if not sent.done), command]
+        return command
 
 
 def _failure(command: Command) -> str:

@@ -31,13 +31,13 @@ def run(arguments: argparse.Namespace) -> int:
     with ProgressLine() as line:
         line.show("starting", "loading the simulation")
         from hmap_core.evaluation.replanning import replanner  # slow to import, and not needed to refuse a file
-        from hmap_core.execution.closed_loop import execute_closed_loop
+        from hmap_core.simulation.execute import execute_closed_loop
 
         plan = _planned(arguments, line) if document is None else _loaded(document, arguments.what)
         replans = arguments.replans if arguments.replans is not None else 0 if given else DEFAULT_REPLANS
         report = execute_closed_loop(
             plan,
-            replanner(plan.scene, arguments.seed, arguments.time_limit),
+            replanner(arguments.seed, arguments.time_limit),
             replans,
             on_progress=lambda now, end, what: line.show("executing", f"{now:.1f} of {end:.1f} s, {what}"),
         )

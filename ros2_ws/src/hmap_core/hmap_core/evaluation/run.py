@@ -10,9 +10,9 @@ from hmap_core import planner
 from hmap_core.evaluation.replanning import replanner
 from hmap_core.evaluation.trial import Trial, TrialResult
 from hmap_core.exceptions import HmapError
-from hmap_core.execution.closed_loop import execute_closed_loop
 from hmap_core.plan_file import to_dict
 from hmap_core.scenes import load_scene
+from hmap_core.simulation.execute import execute_closed_loop
 from hmap_core.types import Plan, TaskMode
 from hmap_core.validation import check
 from hmap_core.validation.report import Report
@@ -78,7 +78,7 @@ def _violations(report: Report) -> str:
 
 
 def _executed(trial: Trial, plan: Plan, planned: TrialResult) -> TrialResult:
-    replan = replanner(plan.scene, trial.seed, trial.time_limit)
+    replan = replanner(trial.seed, trial.time_limit)
     report = execute_closed_loop(plan, replan, trial.max_replans)
     return replace(
         planned,

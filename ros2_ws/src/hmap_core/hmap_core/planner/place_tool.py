@@ -18,8 +18,15 @@ def tools_used(plan: Plan) -> set[str]:
     return {segment.manipulator for segment in plan.segments} & plan.scene.bodies.keys()
 
 
-def grip_at(plan: Plan, robot: str, tool: str, sample: int) -> ToolGrasp | None:
-    """The hold in which a robot has a tool in its hand at a sample of a plan; None where it has not."""
+def grip_at(plan: Plan, robot: str, tool: str, sample: int, before: ToolGrasp | None = None) -> ToolGrasp | None:
+    """The grasp with which a tool is attached to a robot at a sample of a plan; None where it is not.
+
+    Args:
+        plan: with the segments that pick, use and place the tool.
+        robot, tool: names.
+        sample: of the plan.
+        before: the grasp with which the plan begins, if it does.
+    """
     first = None
     for segment in reversed([s for s in plan.segments if s.robot == robot]):
         if index_at(plan.trajectory.time, segment.start) > sample:
@@ -27,7 +34,12 @@ def grip_at(plan: Plan, robot: str, tool: str, sample: int) -> ToolGrasp | None:
         if not _holds(segment, tool):
             break
         first = segment
-    return None if first is None else _grip(plan, robot, tool, index_at(plan.trajectory.time, first.start))
+    if first is None:
+        return None
+    begin = index_at(plan.trajectory.time, first.start)
+    if begin == 0 and before is not None and before.tool == tool:
+        return before
+    return _grip(plan, robot, tool, begin)
 
 
 def plan_place(scene: Scene, state: SceneState, grip: ToolGrasp, seed: int, time_limit: float) -> Plan:

@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from hmap_core.execution.attached_tool import AttachedTool
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.shapes import body_set
-from hmap_core.planner.interfaces import RobotContact, ToolGrasp
+from hmap_core.planner.interfaces import ToolGrasp
 from hmap_core.planner.segments import attach_body
 from hmap_core.transforms import apply, inverse, multiply, rotation_matrix
-from hmap_core.types import BodyKind, ContactKind, ContactPoint, Scene, SceneState
+from hmap_core.types import BodyKind, ContactPoint, Scene, SceneState
 
 TURN_LENGTH = 0.1  # m that count as much as a turn of the hand by 1 rad in the distance between two contacts
 
@@ -16,14 +15,6 @@ TURN_LENGTH = 0.1  # m that count as much as a turn of the hand by 1 rad in the 
 def attach_tool(scene: Scene, grasp: ToolGrasp) -> Scene:
     """The scene in which the tool is part of the robot's hand."""
     return attach_body(scene, grasp.robot, grasp.tool, grasp.contact.contact, grasp.T_place)
-
-
-def tool_grasp_of(attached: AttachedTool) -> ToolGrasp:
-    """The grasp on a tool that a robot holds; its approach is the z axis of the end-effector."""
-    T = attached.contact_pose
-    approach = np.array([0.0, 0.0, 1.0])
-    contact = ContactPoint(ContactKind.GRASP, T, T[:3], -rotation_matrix(T)[:, 2], attached.opening, approach)
-    return ToolGrasp(attached.tool, RobotContact(attached.robot, contact, 0, attached.q_place[None]), attached.T_place)
 
 
 def with_tool_attached(scene: Scene, state: SceneState, grasp: ToolGrasp) -> SceneState:

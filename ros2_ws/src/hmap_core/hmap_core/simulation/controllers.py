@@ -3,8 +3,8 @@
 They are stepped with the present time and neither know nor care whether the joints are simulated or real.
 """
 
+from hmap_core.execution.outcome import Outcome
 from hmap_core.simulation.gripper_controller import STALL_TIME, GripperController, GripperResult
-from hmap_core.simulation.outcome import Outcome
 from hmap_core.simulation.trajectory_controller import (
     Tolerances,
     Tracking,

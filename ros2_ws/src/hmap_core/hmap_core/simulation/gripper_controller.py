@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmap_core.exceptions import InputError
-from hmap_core.simulation.outcome import Outcome
+from hmap_core.execution.outcome import Outcome
 from hmap_core.types import Gripper
 
 GRIPPER_TOLERANCE = 0.001  # m, of the opening reached

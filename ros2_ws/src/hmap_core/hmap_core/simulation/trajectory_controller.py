@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hmap_core.exceptions import InputError
+from hmap_core.execution.outcome import Outcome
 from hmap_core.simulation.motions import Follow, Stop
-from hmap_core.simulation.outcome import Outcome
 from hmap_core.types import JointTrajectory
 
 PATH_TOLERANCE = 0.1  # rad; farther behind while moving, a joint is taken to be blocked

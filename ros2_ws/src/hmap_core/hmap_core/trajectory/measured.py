@@ -13,7 +13,7 @@ from hmap_core.types import Scene, SceneState
 
 HEIGHT_NOISE = 0.001  # m of height that a body may be off where it is planned
 TILT_NOISE = float(np.deg2rad(0.5))  # rad of tilt, likewise
-JOINT_NOISE = 0.005  # rad that a joint may be off where it is held
+JOINT_NOISE = 0.01  # rad that a joint may be off where it is held, as much as controllers accept at a goal
 OPENING_NOISE = 0.001  # m that fingers may be off where they are held
 
 
@@ -24,8 +24,9 @@ def without_noise(scene: Scene, measured: SceneState, planned: SceneState) -> Sc
     Fixed bodies are where the scene has them. Joints and fingers are brought into their limits.
     """
     poses = {name: body.pose.copy() for name, body in scene.bodies.items()}
-    for name in movable_bodies(scene):
-        poses[name] = upright(measured.poses[name], planned.poses[name])
+    for name in set(movable_bodies(scene)) & measured.poses.keys():
+        known = planned.poses.get(name)
+        poses[name] = measured.poses[name].copy() if known is None else upright(measured.poses[name], known)
     q, gripper = {}, {}
     for name, robot in scene.robots.items():
         near = np.abs(measured.q[name] - planned.q[name]) <= JOINT_NOISE

@@ -1,14 +1,12 @@
 """From what controllers say of their joints, it is known where in a stretch they are by now."""
 
-import time
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from hmap.supervision import clock as module
-from hmap.supervision.clock import StretchClock
-from hmap.supervision.controllers import Feedback
+from hmap_core.execution.ports import Feedback
+from hmap_core.execution.stretch_clock import StretchClock
 from hmap_core.execution.stretches import Stretch
 from hmap_core.scenes import load_scene
 from hmap_core.types import Plan, Trajectory
@@ -30,9 +28,11 @@ def plan():
     return Plan(scene, Trajectory(time, joints, {}, {}), (), np.zeros((0, 7)), {})
 
 
-def stretch_clock(plan, *feedback) -> StretchClock:
+def stretch_clock(plan, *feedback, now: float = 0.0) -> StretchClock:
     stretch = Stretch(0, COUNT - 1, {}, "", (), True, True)
-    return StretchClock(plan, stretch, {ROBOT: SimpleNamespace(feedback=list(feedback))})
+    return StretchClock(
+        plan, stretch, {ROBOT: SimpleNamespace(feedback=list(feedback))}, SimpleNamespace(now=lambda: now)
+    )
 
 
 def report(plan, sample: int, arrived: float) -> Feedback:
@@ -45,16 +45,15 @@ def test_a_silent_controller_is_at_the_begin(plan):
 
 
 @pytest.mark.parametrize("rate", [1.0, 4.0])
-def test_the_time_goes_on_at_the_rate_of_the_controller(plan, rate, monkeypatch):
+def test_the_time_goes_on_at_the_rate_of_the_controller(plan, rate):
     arrived = 1000.0
     first, last = report(plan, 10, arrived), report(plan, 40, arrived + 30 * DT / rate)
-    monkeypatch.setattr(module.time, "monotonic", lambda: last.arrived + 0.05)
-    clock = stretch_clock(plan, first, last)
+    clock = stretch_clock(plan, first, last, now=last.arrived + 0.05)
     assert clock.now() == pytest.approx(BEGAN + 40 * DT + 0.05 * rate, abs=1e-3)
     assert clock.start == pytest.approx(LATE, abs=1e-3)
     assert clock.rate == pytest.approx(rate)
 
 
 def test_it_does_not_go_beyond_the_end(plan):
-    clock = stretch_clock(plan, report(plan, COUNT - 2, time.monotonic() - 10.0))
+    clock = stretch_clock(plan, report(plan, COUNT - 2, 1000.0), now=1010.0)
     assert clock.now() == plan.trajectory.time[-1]

@@ -1,34 +1,41 @@
-"""Where in a stretch a controller is: from what it says of its joints, for who is about to replace its trajectory."""
+"""Where in a stretch the controllers are, from their feedback: for who is about to replace their trajectories."""
 
-import time
+from collections.abc import Mapping
 
 import numpy as np
 
-from hmap.supervision.controllers import Command
+from hmap_core.execution.ports import ClockPort, Command
 from hmap_core.execution.stretches import Stretch, joint_trajectory
 from hmap_core.types import Plan
 
-LEAST_RATE, MOST_RATE = 0.05, 50.0  # s of the controller's clock per s that are believed
-LEAST_SPAN = 0.05  # s between two reports that tell the rate
+LEAST_RATE, MOST_RATE = 0.05, 50.0  # s of the controller's clock per s of the executor's that are believed
+LEAST_SPAN = 0.05  # s between two reports from which the rate is computed
 
 
 class StretchClock:
-    """Follows the commands of one stretch.
+    """Tracks the commands of one stretch.
 
     Attributes:
-        start: when the stretch began, s of the controllers' clock; None as long as nobody has said anything.
-        rate: s of the controllers' clock per s.
+        start: when the stretch began, s of the controllers' clock; None before the first feedback.
+        rate: s of the controllers' clock per s of the executor's.
     """
 
-    def __init__(self, plan: Plan, stretch: Stretch, commands: dict[str, Command]):
-        self._plan, self._stretch, self._commands = plan, stretch, commands
+    def __init__(self, plan: Plan, stretch: Stretch, commands: Mapping[str, Command], clock: ClockPort):
+        """
+        Args:
+            plan: that is followed.
+            stretch: of the plan.
+            commands: robot -> the command along this stretch.
+            clock: the executor's.
+        """
+        self._plan, self._stretch, self._commands, self._clock = plan, stretch, commands, clock
         self._first = float(plan.trajectory.time[stretch.first])
         self._last = float(plan.trajectory.time[stretch.last])
         self.start: float | None = None
         self.rate = 1.0
 
     def now(self) -> float:
-        """The planned time (s) that the controllers are at by now; the stretch's begin as long as they are silent."""
+        """The planned time (s) that the controllers are at by now; before the first feedback the stretch's begin."""
         reports = {robot: command.feedback for robot, command in self._commands.items() if command.feedback}
         if not reports:
             return self._first
@@ -37,12 +44,12 @@ class StretchClock:
         span = newest.arrived - feedback[0].arrived
         if span >= LEAST_SPAN:
             self.rate = float(np.clip((newest.stamp - feedback[0].stamp) / span, LEAST_RATE, MOST_RATE))
-        into = self._place(robot, newest.positions)
+        into = self._time_of(robot, newest.positions)
         self.start = newest.stamp - into
-        now = self._first + into + self.rate * (time.monotonic() - newest.arrived)
+        now = self._first + into + self.rate * (self._clock.now() - newest.arrived)
         return min(now, self._last)
 
-    def _place(self, robot: str, q: np.ndarray) -> float:
+    def _time_of(self, robot: str, q: np.ndarray) -> float:
         """Seconds into the stretch at which its motion is nearest to joint positions q (n,)."""
         motion = joint_trajectory(self._plan, robot, self._stretch)
         a, b = motion.positions[:-1], motion.positions[1:]

@@ -1,0 +1,170 @@
+"""Bodies that come in the way of a plan: how far it is followed on, how everything stops, how hands come free.
+
+The stop is along the path (:mod:`hmap_core.execution.halt`); where a hand lets go and how it leaves the object is
+computed by :mod:`hmap_core.planner.interruption`.
+"""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from hmap_core.execution.failures import Blocked
+from hmap_core.execution.halt import Halt, halt
+from hmap_core.execution.hands import HANG, Hands
+from hmap_core.execution.ports import Command, Ports
+from hmap_core.execution.stretch_clock import StretchClock
+from hmap_core.execution.stretches import Stretch, joint_trajectory
+from hmap_core.planner.conflicts import Conflict, first_conflict, unknown_bodies
+from hmap_core.planner.interruption import back_to, clear_sample, contact_at, good_until, release, stable_sample
+from hmap_core.planner.planned_contacts import PlannedContact
+from hmap_core.trajectory.samples import index_at
+from hmap_core.types import Body, JointTrajectory, Plan, Robot
+
+LEAD = 0.15  # s of the executor's clock that a command takes at most to reach its controller
+BACK_OFF = 0.2  # s of the plan before a place too near to a new body to which a hand goes back
+MOVING = 1e-6  # rad; a joint that moves less in a stretch stands still
+SAME_TIME = 1e-6  # s
+
+
+class StopNow(Exception):
+    """The plan cannot be followed to the next place where the hands are free."""
+
+    def __init__(self, conflict: Conflict):
+        self.conflict = conflict
+
+
+class ObstacleMonitor:
+    """Watches for bodies in the way of one plan, and gets the robots out of a stretch that they block."""
+
+    def __init__(self, plan: Plan, ports: Ports, hands: Hands, free_tools: Callable[[int], bool]):
+        """
+        Args:
+            plan: that is followed.
+            ports: to the world.
+            hands: the arms and grippers.
+            free_tools: frees the hands that hold tools at a sample of the plan; whether there were any.
+        """
+        self._plan, self._ports, self._hands, self._free_tools = plan, ports, hands, free_tools
+        self._watched: Mapping[str, Body] | None = None
+        self._until: tuple[float, Conflict] | None = None
+
+    def look(self, clock: StretchClock) -> None:
+        """Where the scene has changed: check the rest of the plan.
+
+        Raises:
+            StopNow: it cannot be followed to the next place where the hands are free.
+        """
+        scene = self._ports.observation.scene()
+        if scene is None or scene.bodies is self._watched:
+            return
+        self._watched = scene.bodies
+        now = clock.now()
+        conflict = first_conflict(self._plan, unknown_bodies(self._plan, scene.bodies), now)
+        if conflict is None:
+            self._until = None
+            return
+        until = good_until(self._plan, now, conflict)
+        if until is None:
+            raise StopNow(conflict)
+        self._until = (until, conflict)
+
+    def check(self, stretch: Stretch) -> None:
+        """At the begin of a stretch: whether the plan is still good in it.
+
+        Raises:
+            Blocked: a body is in the way, and the hands are free.
+        """
+        start = float(self._plan.trajectory.time[stretch.first])
+        if self._until is not None and start >= self._until[0] - SAME_TIME:
+            conflict = self._until[1]
+            self._free_tools(stretch.first)
+            self._hands.let_go(self._plan)
+            raise Blocked(conflict, start)
+
+    def stop(self, stretch: Stretch, commands: Mapping[str, Command], clock: StretchClock) -> float:
+        """Bring the robots to rest along the path.
+
+        Returns:
+            the planned time (s) of the place where they rest.
+
+        Raises:
+            PlannerError: CANCELED.
+            ExecutionError: TRACKING_LOST.
+        """
+        plan = self._plan
+        stopping = halt(plan, stretch, clock.now() + LEAD * clock.rate)
+        slowing = list(commands.values())
+        if stopping.rests < plan.trajectory.time[stretch.last] - SAME_TIME:  # else it ends before it could stop
+            slowing = [
+                self._hands.send(plan.scene.robots[robot], with_stop(plan, robot, stretch, stopping), clock.start)
+                for robot in commands
+            ]
+        self._hands.wait(slowing, HANG)
+        return stopping.rests
+
+    def leave(self, at: float) -> float:
+        """Free the hands where everything stopped.
+
+        Args:
+            at: planned time (s) of the place.
+
+        Returns:
+            the planned time (s) up to which the object followed the plan.
+
+        Raises:
+            PlannerError: CANCELED.
+            ExecutionError: TRACKING_LOST.
+        """
+        plan, time = self._plan, self._plan.trajectory.time
+        if self._free_tools(index_at(time, at)):
+            self._hands.let_go(plan)
+            return at
+        contact = contact_at(plan, at)
+        if contact is None:
+            return at
+        robot = plan.scene.robots[contact.segment.robot]
+        if at <= time[contact.begin] + SAME_TIME:
+            self._leave_approach(contact, robot, at)
+            return float(time[contact.first])
+        q = plan.trajectory.joints[robot.name]
+        if at > time[contact.end] + SAME_TIME and np.abs(q[index_at(time, at)] - q[contact.end]).max() > MOVING:
+            return at
+        sample = stable_sample(plan, contact, min(at, float(time[contact.end])))
+        if time[sample] < at - 2.0 * (time[1] - time[0]):
+            self._go_back(robot, sample, at)
+            at = float(time[sample])
+        state = self._hands.start_state(plan, sample)
+        opening, motion = release(self._ports.observation.scene(), state, plan, contact)
+        self._hands.open(robot, opening)
+        self._hands.move(robot, motion)
+        return at
+
+    def _leave_approach(self, contact: PlannedContact, robot: Robot, at: float) -> None:
+        """Go back on the way to a contact until the hand is clear of the object, and of the new body."""
+        plan = self._plan
+        sample = min(clear_sample(plan, contact, at), self._free_sample(contact, at))
+        if plan.trajectory.time[sample] < at - SAME_TIME:
+            opening = plan.trajectory.gripper.get(robot.name)
+            self._hands.open(robot, None if opening is None else float(opening[sample]))
+            self._go_back(robot, sample, at)
+
+    def _free_sample(self, contact: PlannedContact, at: float) -> int:
+        """The last sample on the way to a contact, up to ``at`` (s), before the way comes too near to a new body."""
+        plan, time = self._plan, self._plan.trajectory.time
+        new = unknown_bodies(plan, self._ports.observation.scene().bodies)
+        conflict = first_conflict(plan, new, float(time[contact.first]), at)
+        until = at if conflict is None else conflict.time - BACK_OFF
+        return max(contact.first, index_at(time, until))
+
+    def _go_back(self, robot: Robot, sample: int, at: float) -> None:
+        state = self._hands.start_state(self._plan, index_at(self._plan.trajectory.time, at))
+        self._hands.move(robot, back_to(self._plan, robot.name, sample, state.q[robot.name], at))
+
+
+def with_stop(plan: Plan, robot: str, stretch: Stretch, stopping: Halt) -> JointTrajectory:
+    """The motion of a robot in a stretch that ends in a stop; a controller leaves out what is past."""
+    planned, stop = joint_trajectory(plan, robot, stretch), stopping.motions[robot]
+    rows = planned.times < stop.times[0] - SAME_TIME
+    parts = [(planned.times[rows], stop.times), (planned.positions[rows], stop.positions)]
+    parts.append((planned.velocities[rows], stop.velocities))
+    return JointTrajectory(planned.names, *(np.concatenate(pair) for pair in parts))

@@ -1,0 +1,65 @@
+"""Execute a plan with simulated robots under dynamics, and say whether it solved its task.
+
+Nothing but the joints and the fingers is ever commanded, through the same controllers that a robot would have.
+"""
+
+from collections.abc import Callable
+
+from hmap_core.execution.drift import DriftTolerance
+from hmap_core.execution.plan_executor import PlanExecutor, Progress
+from hmap_core.execution.recovery import RecoveryPolicy, Replanner
+from hmap_core.execution.report import ClosedLoopReport, ExecutionReport
+from hmap_core.execution.stretches import Stretch, check_executable
+from hmap_core.simulation.ports import simulated_ports
+from hmap_core.simulation.world import SimulatedWorld
+from hmap_core.types import Plan
+
+START_SETTLE = 0.2  # s for the bodies to come to rest before anything moves
+
+Between = Callable[[SimulatedWorld, Stretch], None]
+
+
+def execute(plan: Plan, on_progress: Progress | None = None) -> ExecutionReport:
+    """Execute a plan from its scene's start to its end, whatever happens, in a simulation of its own.
+
+    The same plan gives the same report.
+
+    Args:
+        plan: what is executed.
+        on_progress: called at the begin of every stretch: planned time now and at the end (s), what is being done.
+
+    Raises:
+        InputError: the plan is kinematic, or inconsistent with its scene.
+    """
+    return execute_closed_loop(plan, None, 0, on_progress=on_progress).last
+
+
+def execute_closed_loop(
+    plan: Plan,
+    replan: Replanner | None,
+    max_replans: int,
+    tolerance: DriftTolerance | None = None,
+    on_progress: Progress | None = None,
+    between: Between | None = None,
+) -> ClosedLoopReport:
+    """Execute a plan in a simulation of its own, and new plans where the world is not as planned.
+
+    Args:
+        plan: to begin with.
+        replan: plans the rest from a measured state; None: nothing is planned anew.
+        max_replans: how often it is called after something went wrong, and as often again because a body came in the
+            way; 0 follows the plan to its end, whatever happens.
+        tolerance: of bodies between contacts; at the end it is the scene's execution tolerance for the goal's object.
+        on_progress: as in :func:`execute`, of the plan that is being executed.
+        between: called after every stretch, to disturb the world.
+
+    Raises:
+        InputError: the plan is kinematic, or inconsistent with its scene.
+    """
+    check_executable(plan)
+    policy = RecoveryPolicy(max_replans, max_replans, drift=tolerance or DriftTolerance())
+    with SimulatedWorld(plan.scene) as world:
+        ports = simulated_ports(world)
+        ports.controllers.pass_time(START_SETTLE)
+        on_stretch = None if between is None else lambda stretch: between(world, stretch)
+        return PlanExecutor(ports, on_progress=on_progress, on_stretch=on_stretch).run(plan, replan, policy)
