@@ -131,7 +131,7 @@ def test_without_contacts_the_reach_of_the_goal_is_asked(scene):
     assert "brick" in error.reason and "arm" in error.reason
 
 
-def test_so_it_is_for_what_could_be_put_aside(scene):
+def test_the_same_holds_for_a_removable_body(scene):
     job = PlanningJob(Script(no_contact=True).planner, replace(scene, removable={"brick": None}))
     with pytest.raises(ContactError) as error:
         job.search.bring(Subgoal(scene.goal), SolutionSequence(job.start))

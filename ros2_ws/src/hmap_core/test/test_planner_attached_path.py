@@ -101,7 +101,7 @@ def test_contacts_at_both_ends_hold(scene, hands):
     assert PARTS.end_contacts.find(scene, scene.start_state(), "brick", away, "arm", 3, 0) == []
 
 
-def test_what_could_be_put_aside_is_told_apart_from_what_stays(scene, hands):
+def test_removable_bodies_are_told_apart_from_others(scene, hands):
     free = np.tile(pose(), (2, 1))
     answers = [("lid",), SimpleNamespace(poses=free)], [None, None], [("lid",), None]
 

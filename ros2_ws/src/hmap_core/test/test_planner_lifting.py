@@ -1,4 +1,4 @@
-"""What would tip in the hand if it were dragged over its support is lifted."""
+"""An object that would tip between the fingers when dragged over its support is lifted."""
 
 import numpy as np
 import pytest
@@ -106,7 +106,7 @@ def test_a_segment_of_the_planner_lifts_what_would_tip(tmp_path):
     assert motion.trajectory.objects["tall"][:, 2].max() == pytest.approx(0.1 + LIFT, abs=2e-3)
 
 
-def test_what_flies_is_put_down_from_above(tmp_path):
+def test_an_object_whose_path_rises_is_placed_from_above(tmp_path):
     """Gripped before and behind it would not tip; but as its way rises, it does not come along the table."""
     scene = task(tmp_path)
     state, poses = scene.start_state(), path(scene)

@@ -34,7 +34,7 @@ def assert_valid(made, removed: int, depth: int = 1) -> None:
 
 
 @pytest.mark.parametrize("mode", ["physical", "kinematic"])
-def test_one_of_two_boxes_in_a_gap_is_put_aside(tmp_path, mode):
+def test_one_of_two_boxes_in_a_gap_is_removed(tmp_path, mode):
     made = plan(gap(tmp_path, mode=mode), seed=1, time_limit=TIME_LIMIT)
     assert_valid(made, removed=1)
 
@@ -71,7 +71,7 @@ def test_what_blocks_only_an_obstacle_is_removed_for_its_sake(tmp_path):
     assert moved(made) == ["outer", "inner", "brick"]
 
 
-def test_boxes_in_the_hands_way_are_put_aside_though_the_object_could_pass(tmp_path):
+def test_boxes_in_the_hands_way_are_removed_though_the_object_could_pass(tmp_path):
     scene = crowded(tmp_path, motion="auto")
     made = plan(scene, seed=0, time_limit=TIME_LIMIT)
     assert_valid(made, removed=made.stats["removals"])

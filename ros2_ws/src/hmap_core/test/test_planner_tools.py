@@ -1,4 +1,4 @@
-"""Tools: chosen by the planner, taken, worked with, and put back; and arms that hold something."""
+"""Tools: chosen by the planner, picked, used and placed; and arms with attached bodies."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ def hold(T_obj_ee) -> ContactPoint:
 
 
 @pytest.mark.parametrize("mode", ["physical", "kinematic"])
-def test_the_tool_that_reaches_is_taken_used_and_put_back(tmp_path, mode):
+def test_the_tool_that_reaches_is_picked_used_and_placed(tmp_path, mode):
     scene = push_out(tmp_path, mode)
     found = plan(scene, seed=1)
     assert check(to_dict(found)).valid
@@ -58,16 +58,16 @@ def test_what_is_held_rests_in_the_grip_while_it_is_worked_with(tmp_path):
     T_ee = np.array([multiply(robot.base_pose, T) for T in arm.end_effectors(found.trajectory.joints["arm"][rows])])
     corner = np.array([0.2, 0.0, 0.0])
     sticks = found.trajectory.objects["stick"][rows]
-    in_hand = [np.linalg.norm(apply(stick, corner) - T[:3]) for T, stick in zip(T_ee, sticks, strict=True)]
-    assert np.ptp(in_hand) < 1e-5
+    distance_to_hand = [np.linalg.norm(apply(stick, corner) - T[:3]) for T, stick in zip(T_ee, sticks, strict=True)]
+    assert np.ptp(distance_to_hand) < 1e-5
 
 
 def test_an_arm_that_holds_a_body_touches_with_it(tmp_path):
     scene = push_out(tmp_path)
     T_hold = pose((0.1, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-    holding = attach_body(scene, "arm", "stick", hold(T_hold), scene.bodies["stick"].pose)
-    assert "stick" not in holding.bodies
-    model = holding.robots["arm"].model
+    attached = attach_body(scene, "arm", "stick", hold(T_hold), scene.bodies["stick"].pose)
+    assert "stick" not in attached.bodies
+    model = attached.robots["arm"].model
     bare, arm = load_arm(replace(model, attached=None)), load_arm(model)
     assert load_arm(model) is arm
     assert [h.link for h in arm.hulls if h.finger] == ["stick"]
@@ -79,8 +79,8 @@ def test_an_arm_that_holds_a_body_touches_with_it(tmp_path):
 def test_a_scene_with_a_held_body_crosses_a_network(tmp_path):
     scene = push_out(tmp_path)
     T_hold = pose((0.1, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-    holding = attach_body(scene, "arm", "stick", hold(T_hold), scene.bodies["stick"].pose)
-    before, after = (s.robots["arm"].model.attached for s in (holding, scene_from_text(scene_to_text(holding))))
+    attached = attach_body(scene, "arm", "stick", hold(T_hold), scene.bodies["stick"].pose)
+    before, after = (s.robots["arm"].model.attached for s in (attached, scene_from_text(scene_to_text(attached))))
     assert (after.name, after.opening, after.friction) == (before.name, before.opening, before.friction)
     np.testing.assert_allclose(after.T_ee_body, before.T_ee_body, atol=1e-9)
     assert [s.size for s in after.shapes] == [s.size for s in before.shapes]

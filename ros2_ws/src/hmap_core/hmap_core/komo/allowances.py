@@ -1,4 +1,4 @@
-"""Margins that are lowered: where a path begins too near, and for the verification of what was found."""
+"""Reduced minimum distances: for paths that begin closer, and for the verification of solutions."""
 
 import numpy as np
 

@@ -118,7 +118,7 @@ class KomoProblem(PathProblem):
             guess = initial if attempt == 0 else None
             if guess is None:
                 guess = first_guess(self, start, cols, terms, samples, rng, attempt)
-            result = self._attempt(start, guess, cols, terms, samples, began + time_limit)
+            result = self._try_guess(start, guess, cols, terms, samples, began + time_limit)
             iterations += result.iterations
             if best is None or result.feasible or result.excess < best.excess:
                 best = result
@@ -127,7 +127,9 @@ class KomoProblem(PathProblem):
         duration = time.monotonic() - began
         return replace(best, iterations=iterations, attempts=attempts, duration=duration)
 
-    def _attempt(self, start, initial, cols: Collisions, terms: Terms, samples: Samples, deadline: float) -> KomoResult:
+    def _try_guess(
+        self, start, initial, cols: Collisions, terms: Terms, samples: Samples, deadline: float
+    ) -> KomoResult:
         """One first guess, with more samples where the path fails between them."""
         X = np.ascontiguousarray(initial, float).copy()
         prefix = np.ascontiguousarray([start, start], float)

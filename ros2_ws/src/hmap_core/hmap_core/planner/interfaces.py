@@ -45,12 +45,12 @@ class AttachedPath:
 
 @dataclass(frozen=True)
 class ToolGrasp:
-    """A hold on a tool that stands.
+    """A grasp on a tool at rest.
 
     Attributes:
         tool: its name.
-        contact: of the robot on the tool; keyframes[0] is the configuration in which it is taken, and put back.
-        T_place: (7,) where it stands.
+        contact: of the robot on the tool; keyframes[0] is the configuration at which it is picked and placed.
+        T_place: (7,) its pose at rest, world frame.
     """
 
     tool: str

@@ -1,10 +1,10 @@
-"""What is gripped is lifted off its support where it would tip in the hand if it were dragged.
+"""Lifts a grasped object off its support if it would tip between the fingers when dragged.
 
-The support's friction acts on the bottom of what is dragged, and turns it about the closing axis until it stands on its
-leading edge. From there it wedges itself between hand and support, whatever the pads' friction, once that friction has
-the longer lever: mu h > a, with h the height of the grip over the support and a how far the edge is ahead of the grip.
-And what goes through the air anyway leaves its support upwards and comes to it from above: level, it would meet the
-edge of what it comes to.
+The friction of the support acts on the bottom of a dragged object and rotates it about the closing axis until it stands
+on its leading edge. It then jams between hand and support, whatever the friction of the pads, if the friction has the
+longer lever: mu h > a, with h the height of the grasp above the support and a the distance of the edge ahead of it. An
+object whose path rises anyway leaves its support upwards and reaches the next one from above, since a level motion
+would hit its edge.
 """
 
 from dataclasses import replace
@@ -34,11 +34,10 @@ def lifted(
     obstacles: tuple[Body, ...],
     turning: float,
 ) -> tuple[RobotContact, np.ndarray]:
-    """The contact, and poses (M, 7) that keep the object LIFT off what it stands on at both ends.
+    """The contact, and poses (M, 7) that keep the object LIFT above its supports at both ends, or else at one end.
 
-    At one end where it cannot be done at both. All as it was where the object may as well be dragged all the way, where
-    there is no room to lift it or the arm cannot, or where its weight would use up more than the share ``turning`` of
-    the friction against turning in the hand.
+    Contact and poses are unchanged if the object can be dragged, if there is no room to lift it, if the arm cannot lift
+    it, or if its weight needs more than the share ``turning`` of the friction against rotation between the pads.
     """
     body, own = scene.bodies[object], contact.contact
     gripper = scene.robots[contact.robot].model.gripper
@@ -68,7 +67,7 @@ def lifted(
 
 
 def drag_tips(body: Body, contact: ContactPoint, poses: np.ndarray, pads: float = 0.0) -> bool:
-    """Whether a body that is dragged by a grasp over its support, along poses (M, 7), tips in the hand.
+    """Whether a body that is dragged by a grasp over its support, along poses (M, 7), tips between the fingers.
 
     The pads are ``pads`` metres along the approach from the end-effector frame.
     """

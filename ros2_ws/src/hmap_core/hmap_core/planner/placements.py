@@ -17,15 +17,15 @@ from hmap_core.types import BodyKind, Scene, SceneState
 from hmap_core.waypoints import stable_poses
 from hmap_core.waypoints.support import FACE_TOLERANCE, feet
 
-SAMPLES = 256  # places looked at on each face
-SEARCH_RADIUS = 0.8  # m from where the body is now
-REACH_SHARE = 0.8  # of the bound on an arm's reach, beyond which nothing is put
+SAMPLES = 256  # placements sampled on each face
+SEARCH_RADIUS = 0.8  # m from the present position of the body
+REACH_SHARE = 0.8  # of the bound on an arm's reach, the largest distance of a placement
 COMFORT_SHARE = 0.55  # of it, beyond which an arm is stretched out
-STRETCH_WEIGHT = 2.0  # m of way that a metre beyond that is worth
-MIN_SPACE = 0.01  # m that have to be free round the body
-ROOM = 0.10  # m that a hand beside it needs; less counts as farther away
-ROOM_WEIGHT = 3.0  # m of way that a missing metre of room, or one that sticks out over an edge, is worth
-TURN_COST = 0.1  # m of way that a turn by a right angle is worth
+STRETCH_WEIGHT = 2.0  # cost (m of distance) of a metre beyond that
+MIN_SPACE = 0.01  # m, free space around the body
+ROOM = 0.10  # m, room for a hand beside the body; less room has a cost
+ROOM_WEIGHT = 3.0  # cost (m of distance) of a missing metre of room, or of a metre of overhang over an edge
+TURN_COST = 0.1  # cost (m of distance) of a rotation by a right angle
 APART = 0.06  # m between two places on offer
 PER_GROUP = 4  # places of one sort on offer
 YAWS = (0.0, np.pi / 2)  # rad, turns about the vertical that are tried

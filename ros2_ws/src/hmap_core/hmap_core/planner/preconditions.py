@@ -1,4 +1,4 @@
-"""What no search could mend: asked before anything is planned, so that it is told at once and by name."""
+"""Preconditions of planning: checked before any search, so that errors are reported at once and name the body."""
 
 import numpy as np
 
@@ -49,13 +49,13 @@ def check_robots(scene: Scene, state: SceneState, object: str) -> None:
 
 
 def check_bodies(scene: Scene, goal: Goal) -> None:
-    """Whether bodies begin where they can be, as a task has written it.
+    """Checks the start poses of the bodies of a task, and the goal pose.
 
-    Not asked of what was measured: sensors and simulated solids are off by a little.
+    Measured states are not checked, since sensors and simulation are not exact.
 
     Raises:
-        InputError: START_IN_COLLISION, one that may move is in another body or in a robot; INVALID_SCENE, one hangs in
-            the air in a physical task; INVALID_POSE, the goal does.
+        InputError: START_IN_COLLISION, a movable body penetrates another body or a robot; INVALID_SCENE, a movable
+            body has no support in a physical task; INVALID_POSE, the goal pose has no support.
     """
     state = scene.start_state()
     robots = {name: robot_set(robot, state.q[name], state.gripper[name]) for name, robot in scene.robots.items()}
@@ -72,10 +72,10 @@ def check_bodies(scene: Scene, goal: Goal) -> None:
                 Code.START_IN_COLLISION,
             )
         if scene.mode == TaskMode.PHYSICAL:
-            _check_hanging(near, f"'{name}' hangs in the air at its start ({key})", HANGING, Code.INVALID_SCENE)
+            _check_hanging(near, f"'{name}' has no support at its start ({key})", HANGING, Code.INVALID_SCENE)
     if scene.mode == TaskMode.PHYSICAL:
         near = _distances(scene, robots, goal.object, goal.pose)
-        what = f"'{goal.object}' would hang in the air at its goal (goal.pose)"
+        what = f"'{goal.object}' would have no support at its goal (goal.pose)"
         _check_hanging(near, what, HANGING + goal.position_tolerance, Code.INVALID_POSE)
 
 

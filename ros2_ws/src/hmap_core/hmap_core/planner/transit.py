@@ -1,10 +1,9 @@
-"""A way for the arm when optimisation alone finds none, as a first guess for KOMO or as it is.
+"""Sampling-based search for a transit if optimisation alone finds none; the result is KOMO's first guess or final.
 
-Two trees that grow towards each other as in RRT-Connect (Kuffner and LaValle, ICRA 2000). They grow by straight motions
-of the joints, and by straight moves of the hand: a hand with a tool under a shelf can slide, but hardly any motion of
-single joints leads it out of there. Both kinds go as far as they are free, which is looked at between their
-configurations
-too: with a long tool in the hand, small turns of the joints pass through thin boards.
+Two trees grow towards each other as in RRT-Connect (Kuffner and LaValle, ICRA 2000). They grow by straight motions of
+the joints and by straight motions of the hand: a hand with a tool under a shelf can slide out, but hardly any joint
+motion leads out of there. Both kinds extend as far as they are collision-free, which is checked between configurations
+as well: small rotations of the joints move a long attached tool through thin boards.
 """
 
 import time

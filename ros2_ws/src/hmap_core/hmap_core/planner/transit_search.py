@@ -1,6 +1,6 @@
-"""Ways of a robot through the air, with room round what it holds.
+"""Transits of a robot with an attached tool, with additional clearance for the tool.
 
-A tool gives way in the grip, so in physical tasks it is kept farther from things than links are, where that can be had.
+Attached tools can slip, so in physical tasks they keep a larger minimum distance than links where that is possible.
 """
 
 from collections.abc import Callable, Iterator

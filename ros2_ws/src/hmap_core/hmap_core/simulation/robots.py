@@ -55,7 +55,7 @@ class SimulatedRobot:
         self._ee_link = self._link(self.model.end_effector_link)
         gripper = self.model.gripper
         self._fingers = [self._joint(name) for name in gripper.joint_names] if gripper else []
-        self._followers = self._find_followers()
+        self._mimics = self._find_mimics()
         self.finger_links = [self._link(name) for name in gripper.finger_links] if gripper else []
         self._arm_forces = self._forces()
         self._prepare_fingers()
@@ -73,7 +73,7 @@ class SimulatedRobot:
             positions = self._finger_positions(opening)
             for joint, value in zip(self._fingers, positions, strict=True):
                 self._client.resetJointState(self.id, joint, value, 0.0)
-            for joint, driver, factor, offset in self._followers:
+            for joint, driver, factor, offset in self._mimics:
                 self._client.resetJointState(self.id, joint, factor * positions[driver] + offset, 0.0)
         self.set_joint_targets(q, np.zeros(len(self._arm)))
         if self._fingers:
@@ -216,7 +216,7 @@ class SimulatedRobot:
             return
         if gripper.openings:
             self._weigh_linkage()
-        for joint, driver, factor, offset in self._followers:
+        for joint, driver, factor, offset in self._mimics:
             self._client.setJointMotorControl2(self.id, joint, pybullet.VELOCITY_CONTROL, force=0.0)
             self._couple(self._fingers[driver], joint, factor, offset)
         # without it the object pushes one finger open while the other closes
@@ -227,7 +227,7 @@ class SimulatedRobot:
 
     def _weigh_linkage(self) -> None:
         """Give the links of a linkage the inertia that the solver needs to keep it together under load."""
-        for joint in (*self._fingers, *(joint for joint, *_ in self._followers)):
+        for joint in (*self._fingers, *(joint for joint, *_ in self._mimics)):
             own = self._client.getDynamicsInfo(self.id, joint)[2]
             heavier = [max(value, self.settings.linkage_inertia) for value in own]
             self._client.changeDynamics(self.id, joint, localInertiaDiagonal=heavier)
@@ -245,7 +245,7 @@ class SimulatedRobot:
             maxForce=self.settings.finger_gear_force,
         )
 
-    def _find_followers(self) -> list[tuple[int, int, float, float]]:
+    def _find_mimics(self) -> list[tuple[int, int, float, float]]:
         """Joints that mimic one of the fingers': the joint, the finger's number, factor and offset."""
         gripper = self.model.gripper
         tree = load_urdf(self.model.urdf).tree if gripper else None

@@ -10,7 +10,7 @@ import numpy as np
 from hmap_core.exceptions import InputError
 
 TIME_STEP = 1.0 / 240.0  # s
-SOLVER_ITERATIONS = 200  # with 100, what is pushed or held in the air creeps by millimetres
+SOLVER_ITERATIONS = 200  # with 100, pushed or lifted bodies creep by millimetres
 RENEWAL = float(np.deg2rad(3.0))  # rad that a hand turns before the contacts of its fingers are found anew
 GRAVITY = 9.81  # m/s^2, downwards
 
