@@ -45,7 +45,7 @@ def scene():
     return load_scene("tunnel", 0)
 
 
-def observer_at(scene, seconds: float):
+def monitor_at(scene, seconds: float):
     """An scene_monitor whose clock stands, and a function that tells it where the object is along x."""
     node = FakeNode(seconds)
     scene_monitor = SceneMonitor(node, stale_after=PATIENCE)
@@ -77,7 +77,7 @@ def x(scene, state) -> float:
 
 
 def test_settled_waits_for_a_state_of_after_now_in_which_nothing_moves(scene):
-    scene_monitor, tell = observer_at(scene, 2.0)
+    scene_monitor, tell = monitor_at(scene, 2.0)
     tell(1.9, 0.0)
     step = 1.1 * REST_PERIOD
     moving = [(2.0 + step, 0.05), (2.0 + 2 * step, 0.08), (2.0 + 3 * step, 0.1), (2.0 + 4 * step, 0.1)]
@@ -87,7 +87,7 @@ def test_settled_waits_for_a_state_of_after_now_in_which_nothing_moves(scene):
 
 
 def test_settled_does_not_make_do_with_what_it_knows(scene):
-    scene_monitor, tell = observer_at(scene, 2.0)
+    scene_monitor, tell = monitor_at(scene, 2.0)
     tell(1.9, 0.0)
     with pytest.raises(InputError) as caught:
         scene_monitor.settled(NO_PATIENCE)
@@ -102,7 +102,7 @@ def watcher_of(scene, scene_monitor, planned: float) -> Watcher:
 
 
 def test_a_state_of_before_the_end_of_a_stretch_does_not_mean_that_the_object_is_lost(scene):
-    scene_monitor, tell = observer_at(scene, 2.0)
+    scene_monitor, tell = monitor_at(scene, 2.0)
     tell(1.9, 0.0)
     thread = tell_later(scene_monitor, tell, [(2.1, FAR), (2.1 + 1.1 * REST_PERIOD, FAR)])
     watcher_of(scene, scene_monitor, FAR).check_lost(0)
@@ -110,7 +110,7 @@ def test_a_state_of_before_the_end_of_a_stretch_does_not_mean_that_the_object_is
 
 
 def test_an_object_that_stands_elsewhere_is_lost(scene):
-    scene_monitor, tell = observer_at(scene, 2.0)
+    scene_monitor, tell = monitor_at(scene, 2.0)
     tell(1.9, 0.0)
     thread = tell_later(scene_monitor, tell, [(2.1, 0.0), (2.1 + 1.1 * REST_PERIOD, 0.0)])
     watcher = watcher_of(scene, scene_monitor, FAR)
@@ -125,7 +125,7 @@ def new_object(*bodies) -> BodyArray:
 
 
 def test_what_only_the_cameras_have_seen_is_in_the_scene_and_in_the_state(scene):
-    scene_monitor, tell = observer_at(scene, 2.0)
+    scene_monitor, tell = monitor_at(scene, 2.0)
     tell(2.1, 0.0)
     heard = threading.Event()
     scene_monitor.on_change(heard.set)
@@ -144,8 +144,8 @@ def test_what_only_the_cameras_have_seen_is_in_the_scene_and_in_the_state(scene)
     assert "ball" not in scene_monitor.state(NO_PATIENCE)[1].poses
 
 
-def test_a_scene_that_is_put_back_to_its_start_leaves_no_state(scene):
-    scene_monitor, tell = observer_at(scene, 2.0)
+def test_a_scene_that_is_reset_to_its_start_leaves_no_state(scene):
+    scene_monitor, tell = monitor_at(scene, 2.0)
     tell(2.1, 0.0)
     scene_monitor._node.callbacks["scene"](scene_to_message(scene))
     with pytest.raises(InputError):
@@ -153,13 +153,13 @@ def test_a_scene_that_is_put_back_to_its_start_leaves_no_state(scene):
 
 
 def test_waiting_for_a_change_ends_when_it_is_canceled(scene):
-    scene_monitor, _ = observer_at(scene, 2.0)
+    scene_monitor, _ = monitor_at(scene, 2.0)
     assert not scene_monitor.wait_for_change(scene_monitor.changed(), PATIENCE, lambda: True)
 
 
 @pytest.mark.parametrize(("shift", "expected"), [(0.009, None), (0.011, "11.0 mm")])
 def test_what_is_off_the_plan_between_two_contacts_is_told(scene, shift, expected):
-    scene_monitor, tell = observer_at(scene, 2.0)
+    scene_monitor, tell = monitor_at(scene, 2.0)
     thread = tell_later(scene_monitor, tell, [(2.1, shift), (2.1 + 1.1 * REST_PERIOD, shift)])
     tell(1.9, shift)
     trajectory = Trajectory(

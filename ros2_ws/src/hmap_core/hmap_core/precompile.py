@@ -68,6 +68,7 @@ def _motions() -> None:
 
 
 def main() -> int:
+    """Compile everything that planning needs; exit code 0."""
     remove_old_caches()
     began = time.monotonic()
     tasks = [(task, lambda task=task: plan(load_scene(task), time_limit=TIME_LIMIT)) for task in TASKS]

@@ -89,7 +89,7 @@ def test_letting_go_too_early_is_a_fall(lifted):
     grasp = lifted.segments[1]
     middle = 0.5 * (grasp.start + grasp.end)
     time = lifted.trajectory.time
-    # open while in the air, at an instant of rest: the top of the lift
+    # open while the object is lifted, at an instant of rest: the top of the lift
     height = lifted.trajectory.objects["box"][:, 2]
     up = float(time[np.argmax(height > height.max() - 1e-6)])
     opening = np.where(time > up + 0.02, 0.08, lifted.trajectory.gripper["left"])
@@ -139,7 +139,7 @@ def test_ending_elsewhere_misses_the_goal(dragged, goal, word):
     assert word in report.reason and "0.020 m and 10.0 deg are allowed" in report.reason
 
 
-def test_an_object_that_the_plan_leaves_in_the_air_falls():
+def test_an_object_that_the_plan_leaves_without_support_falls():
     report = execute(drag_plan(scene(box("box", SIZE, (0.5, -0.05, 0.3)), goal=GOAL), "box", 0.06, BY))
     assert not report.solved and report.fell == ("box",)
 

@@ -174,7 +174,7 @@ def test_a_grasp_puts_the_pads_where_it_was_sampled(models, kind):
     assert align_pads([grasp], replace(gripper, tips=()))[0] is grasp
 
 
-def test_what_turns_in_the_hand_is_told_at_the_pads(scenes, models):
+def test_rotation_between_the_pads_is_measured_at_the_pads(scenes, models):
     """A brick held at its middle does not turn, wherever the hand's frame is for that."""
     gripper, body = models["four_bar"].gripper, scenes["four_bar"].bodies["brick"]
     T = from_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0))

@@ -76,6 +76,7 @@ class ContactProposerNode(HmapNode):
 
 
 def main(args: list[str] | None = None) -> int:
+    """Run the node; its exit code."""
     return run(ContactProposerNode, args)
 
 

@@ -1,4 +1,4 @@
-"""The node ``komo_optimiser``: feasibility of contacts in batches, segment motions. Several may run side by side."""
+"""The node ``komo_optimiser``: checks contacts in batches and plans segments. Several instances may run in parallel."""
 
 import sys
 
@@ -69,6 +69,7 @@ def _poses(request) -> np.ndarray:
 
 
 def main(args: list[str] | None = None) -> int:
+    """Run the node; its exit code."""
     return run(KomoOptimiser, args)
 
 

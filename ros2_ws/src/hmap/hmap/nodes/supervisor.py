@@ -41,7 +41,7 @@ from hmap_msgs_py.poses import pose_from_message
 
 FRAME = "world"
 LOADING_LIMIT = 30.0  # s for a scene to be loaded
-UNDISTURBED = 1.0  # s in which mending a plan does not share the interpreter with callbacks; a cancel waits as long
+UNDISTURBED = 1.0  # s in which plan repair does not share the interpreter with callbacks; a cancellation waits as long
 REHEARSAL_LIMIT = 30.0  # s
 STOPPING, REPLANNING = "stopping", "replanning"  # phases beside those of PlannerStatus
 
@@ -61,6 +61,7 @@ class Job:
 
     @property
     def goal(self) -> Manipulate.Goal:
+        """The request of the action."""
         return self.handle.request
 
 
@@ -115,7 +116,7 @@ class Supervisor(HmapNode):
                 self._job.replaced.set()
             self._job = job
         with self._turn:
-            error = self._attempt(job)
+            error = self._error_of(job)
         job.result.error = error_to_message(error)
         job.result.success = error is None
         if error is None:
@@ -128,7 +129,8 @@ class Supervisor(HmapNode):
             handle.canceled() if canceled else handle.abort()
         return job.result
 
-    def _attempt(self, job: Job) -> Exception | None:
+    def _error_of(self, job: Job) -> Exception | None:
+        """Do the job; the exception that ended it, or None."""
         try:
             self._manipulate(job)
         except Exception as error:  # becomes the result's error
@@ -276,12 +278,12 @@ class Supervisor(HmapNode):
     # execution
 
     def _rehearse(self, plan: Plan) -> None:
-        """Load what mending a plan takes while there is time for it."""
+        """Load the code for plan repair while there is time for it."""
         began = time.monotonic()
         rehearse(plan, REHEARSAL_LIMIT)
         gc.collect()
-        gc.freeze()  # nor is all of that looked through again while planning
-        self.get_logger().info(f"ready to mend the plan after {time.monotonic() - began:.1f} s")
+        gc.freeze()  # garbage collection during planning skips these objects
+        self.get_logger().info(f"ready to repair the plan after {time.monotonic() - began:.1f} s")
 
     def _compare(self, job: Job, goal: Goal, pose: np.ndarray) -> None:
         job.result.position_error, job.result.rotation_error = transforms.distance(goal.pose, pose)
@@ -307,6 +309,7 @@ def _tolerance(name: str, value: float, default: float) -> float:
 
 
 def main(args: list[str] | None = None) -> int:
+    """Run the node; its exit code."""
     return run(Supervisor, args)
 
 

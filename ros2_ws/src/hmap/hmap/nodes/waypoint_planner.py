@@ -46,6 +46,7 @@ class WaypointPlanner(HmapNode):
 
 
 def main(args: list[str] | None = None) -> int:
+    """Run the node; its exit code."""
     return run(WaypointPlanner, args)
 
 

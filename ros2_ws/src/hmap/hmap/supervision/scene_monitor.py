@@ -142,7 +142,7 @@ class SceneMonitor:
                 self._seen = {}
             if self._base is None or self._base.bodies.keys() != base.bodies.keys():
                 self._clouds = {}
-            # the same scene once more: it was put back to its start, so a state of before says nothing
+            # the same scene again: it was reset to its start, so earlier states are invalid
             changed = same and message.text != self._text
             self._base, self._text = base, message.text
             self._merge(keep_state=changed)

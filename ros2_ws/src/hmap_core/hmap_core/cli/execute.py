@@ -15,6 +15,7 @@ PLAN_SUFFIX = ".json"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``hmap execute``."""
     what = f"a plan file ({PLAN_SUFFIX}), a name of `hmap tasks`, or a task file (.yaml)"
     parser.add_argument("what", metavar="WHAT", help=what)
     replans = f"plan anew, so often at most, where the world is not as planned (a task: {DEFAULT_REPLANS}, a file: 0)"
@@ -26,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run ``hmap execute``; its exit code."""
     given = not is_path(arguments.what) and (arguments.what.endswith(PLAN_SUFFIX) or Path(arguments.what).is_file())
     document = read(Path(arguments.what)) if given else None
     with ProgressLine() as line:

@@ -13,6 +13,7 @@ DEFAULT_TIME_LIMIT = 60.0  # s
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``hmap plan``."""
     parser.add_argument("task", metavar="TASK", help="a name of `hmap tasks`, or a task file (.yaml)")
     seed_argument(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="the plan file (TASK-SEED.json)")
@@ -34,6 +35,7 @@ def parts_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Run ``hmap plan``; its exit code."""
     out = arguments.out or Path(f"{Path(arguments.task).stem}-{arguments.seed}.json")
     for path in filter(None, (out, arguments.picture)):
         check_writable(path)

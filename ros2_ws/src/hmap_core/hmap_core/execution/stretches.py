@@ -94,7 +94,7 @@ def _stretch(plan: Plan, first: int, last: int) -> Stretch:
 
 
 def held_tool(plan: Plan, segment: Segment) -> str | None:
-    """The tool that the robot of a segment has in its hand, if any; the task's own object is none."""
+    """The tool that is attached to the robot of a segment, if any; the goal's object does not count as one."""
     body = _held_body(plan, segment)
     is_tool = body is not None and plan.scene.bodies[body].kind is BodyKind.TOOL and body != plan.scene.goal.object
     return body if is_tool else None

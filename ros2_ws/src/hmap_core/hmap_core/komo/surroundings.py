@@ -45,6 +45,7 @@ class ArmShapes:
 
     @property
     def all(self) -> tuple[int, ...]:
+        """Indices of all shapes of the arm."""
         return self.base + self.upper + self.hand
 
 

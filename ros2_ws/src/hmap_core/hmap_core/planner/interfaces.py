@@ -59,6 +59,7 @@ class ToolGrasp:
 
     @property
     def robot(self) -> str:
+        """Name of the robot."""
         return self.contact.robot
 
 

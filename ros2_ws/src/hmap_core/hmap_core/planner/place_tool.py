@@ -1,4 +1,4 @@
-"""A tool in a hand in the middle of a plan: how it was taken, and the plan that puts it back where it was."""
+"""A tool that is attached in the middle of a plan: its tool grasp, and a plan that places it where it was picked."""
 
 import numpy as np
 
@@ -43,7 +43,7 @@ def grip_at(plan: Plan, robot: str, tool: str, sample: int, before: ToolGrasp | 
 
 
 def plan_place(scene: Scene, state: SceneState, grip: ToolGrasp, seed: int, time_limit: float) -> Plan:
-    """The plan in which a tool in a hand is put where it was taken, from where everything is.
+    """Plan how an attached tool is placed where it was picked, from the present state.
 
     Raises:
         MotionError: NO_MOTION.

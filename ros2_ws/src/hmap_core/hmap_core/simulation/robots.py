@@ -64,7 +64,15 @@ class SimulatedRobot:
         self.place(robot.q, gripper.open_opening if gripper else 0.0)
 
     def place(self, q: np.ndarray, opening: float) -> None:
-        """Put arm (n,) and fingers (gap in metres) somewhere at once, at rest, and hold them there."""
+        """Set the robot to a configuration at rest, and command it to stay there.
+
+        Args:
+            q: (n,) arm joints, rad or m.
+            opening: of the gripper, m.
+
+        Raises:
+            InputError: q has a wrong length or a value that is not finite.
+        """
         if np.shape(q) != (len(self._arm),) or not np.isfinite(q).all():
             raise InputError(f"robot '{self.robot.name}': a configuration has {len(self._arm)} finite values, not {q}")
         for joint, value in zip(self._arm, q, strict=True):
