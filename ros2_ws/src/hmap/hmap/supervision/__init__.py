@@ -1,1 +1,1 @@
-"""The parts of the node ``supervisor``: planning over services, following a plan through the controllers, markers."""
+"""The parts of the node ``supervisor``: the ports of a plan executor over actions and topics, and markers."""

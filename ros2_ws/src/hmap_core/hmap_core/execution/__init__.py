@@ -1,1 +1,1 @@
-"""From a geometric path to a motion in time, and from a plan to what the simulated robots make of it."""
+"""Execution of plans: one executor behind ports for controllers, observation and clock; neither ROS nor the simulation."""
