@@ -1,1 +1,1 @@
-"""Execution of plans: one executor behind ports for controllers, observation and clock; neither ROS nor the simulation."""
+"""Execution of plans: one executor behind ports for controllers, observation and clock, without ROS and simulation."""
