@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -167,8 +167,19 @@ def known_robots(scene: Scene, names: Sequence[str]) -> list[str]:
     return list(names) or list(scene.robots)
 
 
+@dataclass(frozen=True)
+class ReceivedCloud(Cloud):
+    """A cloud with the message that it came in, which can be sent on without being encoded again.
+
+    Attributes:
+        message: the message; None if the cloud has been made here.
+    """
+
+    message: msg.ObjectCloud | None = None
+
+
 def cloud_to_message(name: str, pose: np.ndarray, cloud: Cloud, stamp: Time | None = None) -> msg.ObjectCloud:
-    """Convert the visible surface of an object.
+    """Convert the visible surface of an object. A received cloud is sent on as it came.
 
     Args:
         name: of the object.
@@ -176,6 +187,8 @@ def cloud_to_message(name: str, pose: np.ndarray, cloud: Cloud, stamp: Time | No
         cloud: in the object frame.
         stamp: time of the measurement.
     """
+    if isinstance(cloud, ReceivedCloud) and cloud.message is not None and cloud.message.object == name:
+        return cloud.message
     return clouds.object_cloud_to_message(name, pose, cloud.points, cloud.normals, stamp)
 
 
@@ -193,7 +206,7 @@ def cloud_from_message(message: msg.ObjectCloud) -> Cloud | None:
         return None
     if normals is None:
         raise ConversionError(f"the cloud of {message.object!r} has no normals")
-    return Cloud(points.astype(float), normals.astype(float), np.ones(len(points), bool))
+    return ReceivedCloud(points.astype(float), normals.astype(float), np.ones(len(points), bool), message)
 
 
 def plan_to_message(plan: Plan, stamp: Time | None = None) -> msg.Plan:

@@ -6,16 +6,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hmap.conversions import scene_to_message, state_to_message
+from hmap.conversions import cloud_to_message, scene_to_message, state_to_message
 from hmap.supervision.ports import ros_ports
 from hmap.supervision.scene_monitor import REST_PERIOD, SceneMonitor
+from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import Code, ExecutionError, InputError
 from hmap_core.execution.drift import DriftTolerance
 from hmap_core.execution.watcher import LOST_POSITION, Watcher
 from hmap_core.scenes import load_scene
 from hmap_core.simulation.dynamic import sphere
 from hmap_core.types import Plan, Segment, SegmentKind, Trajectory
-from hmap_msgs.msg import BodyArray
+from hmap_msgs.msg import BodyArray, ObjectClouds
 from hmap_msgs_py.bodies import body_to_message
 from hmap_msgs_py.times import time_to_message
 
@@ -178,3 +179,22 @@ def test_what_is_off_the_plan_between_two_contacts_is_told(scene, shift, expecte
             watcher.check_drift(0, DriftTolerance())
         assert caught.value.code is Code.GOAL_MISSED
     thread.join()
+
+
+def test_clouds_are_decoded_once_asked_for_and_sent_on_as_they_came(scene):
+    node = FakeNode(0.0)
+    warned = []
+    node.get_logger = lambda: SimpleNamespace(warning=warned.append)
+    scene_monitor = SceneMonitor(node, stale_after=PATIENCE)
+    node.callbacks["scene"](scene_to_message(scene))
+    points = np.array([[0.0, 0.0, 0.1], [0.0, 0.1, 0.1]])
+    cloud = Cloud(points, np.tile([0.0, 0.0, 1.0], (2, 1)), np.ones(2, bool))
+    good = cloud_to_message(OBJECT, scene.bodies[OBJECT].pose, cloud)
+    broken = cloud_to_message("other", scene.bodies[OBJECT].pose, cloud)
+    broken.cloud.data = broken.cloud.data[:-3]
+    node.callbacks["object_clouds"](ObjectClouds(clouds=[good, broken]))
+    found = scene_monitor.clouds()
+    assert found.keys() == {OBJECT} and len(warned) == 1
+    np.testing.assert_allclose(found[OBJECT].points, points, atol=1e-6)
+    assert cloud_to_message(OBJECT, scene.bodies[OBJECT].pose, found[OBJECT]) is good
+    assert scene_monitor.clouds()[OBJECT] is found[OBJECT]

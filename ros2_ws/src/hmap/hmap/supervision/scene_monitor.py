@@ -15,6 +15,7 @@ from hmap_core.exceptions import Code, InputError, PlannerError
 from hmap_core.types import Body, BodyKind, Scene, SceneState
 from hmap_msgs.msg import BodyArray, ObjectClouds, WorldState
 from hmap_msgs.msg import Scene as SceneMessage
+from hmap_msgs_py.checks import ConversionError
 from hmap_msgs_py.times import seconds_from_message
 
 REST_PERIOD = 0.2  # s between two looks at what is coming to rest, of the sensors' clock
@@ -41,6 +42,7 @@ class SceneMonitor:
         self._listeners: list[Callable[[], None]] = []
         self._state: tuple[float, SceneState] | None = None  # stamp, state
         self._arrived = -float("inf")  # on the steady clock
+        self._cloud_messages: ObjectClouds | None = None  # the newest, not yet decoded
         self._clouds: dict[str, Cloud] = {}
         node.subscribe(SceneMessage, "scene", self._take_scene, LATCHED)
         node.subscribe(WorldState, "world_state", self._take_state)
@@ -71,7 +73,23 @@ class SceneMonitor:
     def clouds(self) -> dict[str, Cloud]:
         """What has been seen of each object."""
         with self._news:
+            message, self._cloud_messages = self._cloud_messages, None
+            if message is not None:
+                self._clouds = self._decoded(message)
             return dict(self._clouds)
+
+    def _decoded(self, message: ObjectClouds) -> dict[str, Cloud]:
+        """Clouds by object; malformed ones are named in the log and left out."""
+        found = {}
+        for entry in message.clouds:
+            try:
+                cloud = cloud_from_message(entry)
+            except ConversionError as error:
+                self._node.get_logger().warning(str(error))
+                continue
+            if cloud is not None:
+                found[entry.object] = cloud
+        return found
 
     def state(self, patience: float, after: float = -float("inf")) -> tuple[float, SceneState]:
         """The newest stamp (s) and state; waits for one that is fresh and has a stamp later than ``after``.
@@ -141,7 +159,7 @@ class SceneMonitor:
             if not same:
                 self._seen = {}
             if self._base is None or self._base.bodies.keys() != base.bodies.keys():
-                self._clouds = {}
+                self._clouds, self._cloud_messages = {}, None
             # the same scene again: it was reset to its start, so earlier states are invalid
             changed = same and message.text != self._text
             self._base, self._text = base, message.text
@@ -183,9 +201,8 @@ class SceneMonitor:
                 self._news.notify_all()
 
     def _take_clouds(self, message: ObjectClouds) -> None:
-        clouds = {entry.object: cloud_from_message(entry) for entry in message.clouds}
         with self._news:
-            self._clouds = {name: cloud for name, cloud in clouds.items() if cloud is not None}
+            self._cloud_messages = message
 
 
 def _at_rest(before: SceneState, after: SceneState) -> bool:
