@@ -43,7 +43,8 @@ class Result:
     """How a goal ended.
 
     Attributes:
-        error: why it did not succeed, with its stage, code and reason; None on success.
+        error: why it did not succeed, with its stage, code and reason, and in ``search`` what was tried, as a tree
+            (:class:`hmap_core.planner.search_tree.Attempt`), where the planner keeps one; None on success.
         plan: the last plan; None where none was found.
         statistics: of the last plan and of how it came about.
         executed: whether a robot moved.
@@ -131,10 +132,14 @@ class GoalInProgress:
         if self._response is None:
             return Result(self._error)
         response = self._response
+        statistics = statistics_from_messages(response.statistics)
+        error = None if response.success else error_from_message(response.error)
+        if error is not None:
+            error.search = statistics.get("search")
         return Result(
-            error=None if response.success else error_from_message(response.error),
+            error=error,
             plan=plan_from_message(response.plan) if response.plan.segments else None,
-            statistics=statistics_from_messages(response.statistics),
+            statistics=statistics,
             executed=response.executed,
             position_error=response.position_error,
             rotation_error=response.rotation_error,
