@@ -46,4 +46,4 @@ scene.set_goal("brick", [0.5, 0.2, 0.03])
 
 plan = planner.plan(scene.build(), proposer="from_above", time_limit=120.0)  # or proposer=FromAbove()
 grasps = [segment for segment in plan.segments if segment.kind == ContactKind.GRASP]
-print("contact:", np.round(grasps[0].contact_pose, 3))
+print("contact:", np.round(grasps[0].contact_pose, 3) + 0.0)

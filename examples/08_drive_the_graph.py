@@ -20,10 +20,9 @@ with Graph(Path(tempfile.mkdtemp())) as graph, Session() as hmap:
     hmap.wait_until_ready(timeout=600.0, nodes=NODES)
     hmap.load_scene(scene.build(), timeout=120.0)
 
-    hmap.plan(time_limit=300.0)  # returns at once
+    hmap.plan(time_limit=300.0, on_feedback=lambda now: print(f"{now.phase}: {now.text}"))  # returns at once
     while not hmap.is_done(timeout=1.0):
         graph.check()
-        print(hmap.feedback())
     plan = hmap.result().check().plan  # check() raises what went wrong, with its stage, code and reason
     print(f"planned: {len(plan.segments)} segments, {plan.trajectory.time[-1]:.1f} s")
 
