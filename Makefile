@@ -1,6 +1,7 @@
 # make demo   sets everything up and runs the tunnel task with the whole node graph
 # make test   sets everything up and runs all tests
 # make bench  measures the optimiser against RAI's, which it installs (needs the system's liblapack3)
+# make bench-startup  measures how long the command and the graph of nodes take to start
 # make setup  only sets up: .venv, with the command .venv/bin/hmap
 #
 # Every step leaves a stamp in .venv/stamps and is done again only when what it depends on has changed.
@@ -16,7 +17,7 @@ INTERFACE_FILES := $(shell find $(SOURCES)/hmap_msgs $(SOURCES)/compat -type f) 
 CORE_FILES := $(shell find $(SOURCES)/hmap_core/hmap_core -name '*.py')
 
 .DELETE_ON_ERROR:
-.PHONY: setup demo test bench lint lock clean
+.PHONY: setup demo test bench bench-startup lint lock clean
 
 setup: $(STAMPS)/packages $(STAMPS)/precompiled
 
@@ -29,6 +30,9 @@ test: setup lint
 bench: setup
 	$(PIP) install --quiet --no-deps robotic==0.4.2
 	$(VENV)/bin/hmap bench komo $(BENCH_ARGS)
+
+bench-startup: setup
+	$(VENV)/bin/hmap bench startup $(BENCH_ARGS)
 
 lint: $(STAMPS)/dependencies
 	$(VENV)/bin/ruff check .

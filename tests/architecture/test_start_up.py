@@ -30,3 +30,23 @@ def test_every_lazy_name_is_found(package):
         assert getattr(package, name).__name__ == name
     with pytest.raises(AttributeError, match="nothing"):
         package.nothing  # noqa: B018
+
+
+UNUSED = {
+    "matplotlib",
+    "trimesh",
+    "torch",
+    "ompl",
+    "open3d",
+    "casadi",
+    "pybullet",
+    "scipy.optimize",
+    "scipy.interpolate",
+}
+
+
+def test_planning_imports_no_library_that_it_seldom_uses(tmp_path):
+    """Their contents: an import of some only makes a placeholder, see hmap_core.deferred."""
+    code = "from hmap_core import plan_file, planner\nimport sys\nfrom hmap_core.deferred import Placeholder\n"
+    code += "for name in [n for n, m in sys.modules.items() if isinstance(m, Placeholder)]:\n    del sys.modules[name]"
+    assert loaded(code, tmp_path) & UNUSED == set()

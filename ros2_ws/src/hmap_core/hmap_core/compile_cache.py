@@ -9,6 +9,7 @@ import os
 import shutil
 import sys
 import time
+from functools import cache
 from pathlib import Path
 
 VARIABLE = "NUMBA_CACHE_DIR"
@@ -21,6 +22,7 @@ def cache_root() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hmap" / "compiled"
 
 
+@cache
 def source_hash() -> str:
     """Hash of all sources of this package that contain compiled code or its types."""
     folder = Path(__file__).parent

@@ -10,6 +10,7 @@ from importlib.metadata import entry_points
 from types import ModuleType
 
 from hmap_core.exceptions import HmapError, InputError
+from hmap_core.garbage import collect_rarely
 
 ENTRY_POINTS = "hmap.commands"  # group of other packages' modules with HELP, add_arguments and run
 BUILT_IN = {name: f"hmap_core.cli.{name}" for name in ("tasks", "plan", "check", "execute", "bench", "plugins")}
@@ -25,6 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit code.
     """
+    collect_rarely()
     arguments = _parse(sys.argv[1:] if argv is None else list(argv))
     try:
         code = arguments.module.run(arguments)

@@ -10,6 +10,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull
 
+from hmap_core.array_cache import kept_arrays
 from hmap_core.collision.compile_options import OPTIONS
 from hmap_core.collision.edges import hull_edges
 from hmap_core.collision.epa import FAR
@@ -53,10 +54,13 @@ class ConvexSet:
 
 @lru_cache(maxsize=256)
 def _mesh_vertices(path: Path) -> np.ndarray:
+    def compute() -> tuple[np.ndarray]:
+        points = np.asarray(trimesh.load(path, force="mesh").vertices, float)
+        return (points[ConvexHull(points).vertices],)
+
     try:
-        mesh = trimesh.load(path, force="mesh")
-        points = np.asarray(mesh.vertices, float)
-        return points[ConvexHull(points).vertices]
+        inputs = path.suffix.lower().encode(), path.read_bytes()
+        return kept_arrays(__file__, inputs, ("numpy", "scipy", "trimesh"), compute)[0]
     except Exception as error:
         raise InputError(f"mesh '{path}' cannot be read as a solid: {error}", Code.INVALID_SCENE) from error
 

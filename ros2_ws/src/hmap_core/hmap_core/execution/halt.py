@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from hmap_core.execution.stretches import Stretch, joint_trajectory
+from hmap_core.trajectory.spline import CubicSpline
 from hmap_core.types import JointTrajectory, Plan
 
 PERIOD = 0.02  # s between the samples of a stop
@@ -53,13 +53,13 @@ def halt(plan: Plan, stretch: Stretch, at: float) -> Halt:
     return Halt(at, rests, {robot: JointTrajectory(names[robot], *motion) for robot, motion in motions.items()})
 
 
-def _curve(plan: Plan, robot: str, stretch: Stretch) -> CubicHermiteSpline:
+def _curve(plan: Plan, robot: str, stretch: Stretch) -> CubicSpline:
     """The motion that the robot's controller follows: joint positions (n,) at seconds from the start of the stretch."""
     motion = joint_trajectory(plan, robot, stretch)
-    return CubicHermiteSpline(motion.times, motion.positions, motion.velocities)
+    return CubicSpline(motion.times, motion.positions, motion.velocities)
 
 
-def _slowed(curve: CubicHermiteSpline, at: float, duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _slowed(curve: CubicSpline, at: float, duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times (N,), positions (N, n) and velocities (N, n) of the curve run through ever slower from ``at`` on."""
     t = np.append(np.arange(0.0, duration - 0.5 * PERIOD, PERIOD), duration)
     s = at + t - 0.5 * t**2 / duration
@@ -67,7 +67,7 @@ def _slowed(curve: CubicHermiteSpline, at: float, duration: float) -> tuple[np.n
     return at + t, curve(s), curve(s, 1) * rate[:, None]
 
 
-def _rest_of(curve: CubicHermiteSpline, at: float, end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _rest_of(curve: CubicSpline, at: float, end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     t = np.append(np.arange(at, end - 0.5 * PERIOD, PERIOD), end)
     velocities = curve(t, 1)
     velocities[-1] = 0.0

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
+from hmap_core.array_cache import kept_arrays
 from hmap_core.collision.gjk import signed_distance
 
 
@@ -20,10 +21,16 @@ def simplify_hull(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, flo
     Returns:
         Vertices (m, 3) and the radius of the sweeping sphere, m; the points and 0 if they span no volume.
     """
+    inputs = points.tobytes(), np.float64(tolerance).tobytes()
+    vertices, radius = kept_arrays(__file__, inputs, ("numpy", "scipy"), lambda: _simplified(points, tolerance))
+    return vertices, float(radius)
+
+
+def _simplified(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     try:
         points = points[ConvexHull(points).vertices]
     except QhullError:
-        return points, 0.0
+        return points, np.zeros(())
     chosen = {int(points[:, axis].argmin()) for axis in range(3)} | {int(points[:, axis].argmax()) for axis in range(3)}
     centroid_distance = np.linalg.norm(points - points.mean(0), axis=1)
     for index in np.argsort(-centroid_distance):
@@ -35,9 +42,9 @@ def simplify_hull(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, flo
         outside = (points @ hull.equations[:, :3].T + hull.equations[:, 3]).max(1)
         worst = int(outside.argmax())
         if outside[worst] <= tolerance:
-            return points[sorted(chosen)], float(_outside_distance(points, points[sorted(chosen)]))
+            return points[sorted(chosen)], np.array(_outside_distance(points, points[sorted(chosen)]))
         chosen.add(worst)
-    return points, 0.0
+    return points, np.zeros(())
 
 
 def _outside_distance(points: np.ndarray, inner: np.ndarray) -> float:

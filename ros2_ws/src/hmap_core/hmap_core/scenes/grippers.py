@@ -6,7 +6,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from hmap_core.exceptions import InputError
 from hmap_core.scenes.document import Document
@@ -117,7 +117,7 @@ def _closed_travel(document: Document, positions: Callable[[float], FingerPositi
     if opened <= max(closed, 0.0):
         problem = f"finger_links are {opened:.4f} m apart here and {closed:.4f} m at closed; they have to be farther"
         raise document.error(("gripper", "open"), problem)
-    return brentq(lambda travel: positions(travel).gap, 0.0, 1.0) if closed < 0.0 else 0.0
+    return scipy.optimize.brentq(lambda travel: positions(travel).gap, 0.0, 1.0) if closed < 0.0 else 0.0
 
 
 def _check_positions(document: Document, found: Sequence[FingerPositions]) -> None:

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from hmap_core.exceptions import MotionError
 from hmap_core.trajectory.path_speed import fastest_speed
+from hmap_core.trajectory.spline import CubicSpline, natural_spline
 
 DUPLICATE_DISTANCE = 1e-6  # rad; points closer than this to the last kept one are one point
 LIMIT_MARGIN = 0.99  # share of the limits used in planning the speed; the rest covers what happens between grid points
@@ -62,8 +62,8 @@ def spline(path: np.ndarray) -> CubicSpline:
     """The curve that :func:`time_parameterise` follows through a path (M, n).
 
     Returns:
-        A callable from the chord length s in [0, L] (rad) to joint positions (n,); its knots are ``.x``, so L is
-        ``.x[-1]``, and ``.derivative()`` differentiates it. A path of one point gives the constant curve on [0, 1].
+        The curve from the chord length s in [0, L] (rad) to joint positions (n,); its knots are ``.x``, so L is
+        ``.x[-1]``. A path of one point gives the constant curve on [0, 1].
 
     Raises:
         MotionError: the path is empty, not a matrix, or not finite.
@@ -76,9 +76,9 @@ def spline(path: np.ndarray) -> CubicSpline:
 def _spline(path: bytes, joints: int) -> CubicSpline:
     points = distinct_points(np.frombuffer(path).reshape(-1, joints))
     if len(points) == 1:
-        return CubicSpline([0.0, 1.0], np.repeat(points, 2, axis=0), bc_type="natural")
+        return natural_spline(np.array([0.0, 1.0]), np.repeat(points, 2, axis=0))
     chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    return CubicSpline(chord, points, bc_type="natural")
+    return natural_spline(chord, points)
 
 
 def time_parameterise(

@@ -10,7 +10,7 @@ forces inside the friction cones at the corners of the contact patch.
 from functools import lru_cache
 
 import numpy as np
-from scipy.optimize import nnls
+import scipy
 from scipy.spatial import Delaunay
 
 from hmap_core.validation import limits, rigid
@@ -148,7 +148,7 @@ def _cone_angle(wrenches: np.ndarray, motion: np.ndarray) -> float:
     needed = motion / np.linalg.norm(motion)
     if wrenches.shape[1] == 0:
         return np.pi / 2.0
-    _, residual = nnls(wrenches, needed)
+    _, residual = scipy.optimize.nnls(wrenches, needed)
     return float(np.arcsin(np.clip(residual, 0.0, 1.0)))
 
 

@@ -8,7 +8,7 @@ the centre of mass must project into it.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linprog
+import scipy
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from hmap_core.validation import limits
@@ -107,7 +107,7 @@ def _center(rows: np.ndarray) -> np.ndarray | None:
     # maximise r with normal @ x + r + offset <= 0
     bounds = [(None, None)] * 3 + [(0.0, None)]
     table = np.column_stack([rows[:, :3], np.ones(len(rows))])
-    lp = linprog([0, 0, 0, -1], A_ub=table, b_ub=-rows[:, 3], bounds=bounds)
+    lp = scipy.optimize.linprog([0, 0, 0, -1], A_ub=table, b_ub=-rows[:, 3], bounds=bounds)
     return lp.x[:3] if lp.success and lp.x[3] >= MIN_RADIUS else None
 
 

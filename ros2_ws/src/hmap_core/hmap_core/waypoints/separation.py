@@ -1,7 +1,7 @@
 """A proof that a body has no planar path: the obstacles separate start and goal for a disc inside the body."""
 
 import numpy as np
-from scipy import ndimage
+import scipy
 from scipy.spatial import ConvexHull, QhullError
 
 from hmap_core.transforms import rotation_matrix
@@ -46,7 +46,7 @@ def separated(checker: ObjectChecker, start: np.ndarray, goal: np.ndarray, bound
     ends = [tuple(np.clip(np.round((T[:2] - bounds[0, :2]) / cell).astype(int), 0, shape - 1)) for T in (start, goal)]
     if closed[ends[0]] or closed[ends[1]]:
         return False
-    region, _ = ndimage.label(~closed, structure=_CONNECTED)
+    region, _ = scipy.ndimage.label(~closed, structure=_CONNECTED)
     return bool(region[ends[0]] != region[ends[1]])
 
 

@@ -1,5 +1,7 @@
 """An object above its support: standing on it, upright, and not beyond its edges."""
 
+from __future__ import annotations  # those that name CasADi would load it
+
 from collections.abc import Sequence
 
 import casadi

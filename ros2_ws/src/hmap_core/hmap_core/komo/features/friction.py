@@ -1,5 +1,7 @@
 """The direction of a contact's force within its friction cone."""
 
+from __future__ import annotations  # those that name CasADi would load it
+
 from collections.abc import Sequence
 
 import casadi

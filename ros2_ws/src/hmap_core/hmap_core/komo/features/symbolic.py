@@ -9,6 +9,8 @@ The expression becomes C, the system's compiler makes a shared library of it, an
 serialised function. Without a compiler CasADi evaluates it itself, ten to twenty times slower.
 """
 
+from __future__ import annotations  # those that name CasADi would load it
+
 import ctypes
 import hashlib
 import os
@@ -20,6 +22,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import TypeAlias
 
 import casadi
 import numpy as np
@@ -50,7 +53,7 @@ class FrameSymbols:
     rotation: casadi.SX
 
 
-Expression = Callable[[Sequence[FrameSymbols], casadi.SX], casadi.SX]
+Expression: TypeAlias = "Callable[[Sequence[FrameSymbols], casadi.SX], casadi.SX]"
 
 
 @intrinsic

@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from hmap_core.collision.scene_model import CollisionModel, Collisions
 from hmap_core.kinematics.chain import Chain
 from hmap_core.komo.sweep import between_violations
 from hmap_core.komo.violations import VERIFY_STEP
 from hmap_core.planner.segments.violation import Part, Violation
+from hmap_core.trajectory.spline import CubicSpline
 from hmap_core.trajectory.timing import spline
 
 LIMIT_SAMPLES = 10  # per step of a path, at which the joint limits are verified
