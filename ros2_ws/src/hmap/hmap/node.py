@@ -25,6 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 from hmap.environment import ros_environment
 from hmap.spinning import Spinner
 from hmap_core.exceptions import HmapError
+from hmap_core.garbage import collect_rarely
 from hmap_msgs_py.checks import ConversionError
 from hmap_msgs_py.errors import error_to_message
 
@@ -201,6 +202,7 @@ def run(make_node: Callable[[], HmapNode], args: list[str] | None = None) -> int
     Returns:
         The exit code.
     """
+    collect_rarely()
     os.environ.update(ros_environment())
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

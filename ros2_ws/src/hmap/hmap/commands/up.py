@@ -9,6 +9,7 @@ from pathlib import Path
 
 from hmap.environment import prepare_process
 from hmap.launcher.processes import Graph, output_folder
+from hmap.launcher.spares import Spare, fork_spares
 from hmap_core.cli.main import natural, positive, seed_argument, zero_or_more
 from hmap_core.cli.progress import ProgressLine
 from hmap_core.exceptions import Code, InputError, PlannerError
@@ -16,6 +17,7 @@ from hmap_core.exceptions import Code, InputError, PlannerError
 HELP = "start the nodes, plan and execute a task with them, and stop them"
 START_LIMIT = 120.0  # s for all nodes to be up
 POLL = 0.1  # s
+NODES = 7  # without those of dynamic obstacles
 KINEMATIC = "kinematic"
 QUICK_SPEED, REAL_SPEED = 4.0, 1.0  # simulated s per s
 DISCOVERY = 0.5  # s; time of the search for nodes that already run
@@ -75,19 +77,20 @@ def run(arguments: argparse.Namespace) -> int:
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
+    spares = fork_spares(NODES + (arguments.dynamic_obstacles > 0))
     try:
-        return _run(arguments, folder, stop)
+        return _run(arguments, folder, stop, spares)
     except Stopped:
         print("stopped", file=sys.stderr)
         return YES
 
 
-def _run(arguments: argparse.Namespace, folder: Path, stop: threading.Event) -> int:
+def _run(arguments: argparse.Namespace, folder: Path, stop: threading.Event, spares: list[Spare]) -> int:
     from hmap.session import Session  # imports ROS; a wrong task name is reported before that
 
     files = {"bag": folder / BAG}
     with ProgressLine() as line:
-        with Graph(folder / "logs") as graph, Session(name=NODE_NAME) as session:
+        with Graph(folder / "logs", spares) as graph, Session(name=NODE_NAME) as session:
 
             def between() -> None:
                 graph.check()

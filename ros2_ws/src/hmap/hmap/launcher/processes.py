@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hmap.environment import ros_environment
+from hmap.launcher.spares import Spare
 from hmap_core.exceptions import ExecutionError, InputError
 
 RESPAWNABLE = ("perception", "waypoint_planner", "contact_proposer", "komo_optimiser")  # have no state of their own
@@ -22,6 +23,7 @@ NICE = 10  # niceness relative to the planning nodes
 MAX_STARTS = 5  # of one node
 WATCH_PERIOD = 0.2  # s
 END_TIMEOUT = 10.0  # s; time limit for the end of a node after SIGINT, and again after SIGTERM
+NODE_ARGUMENTS = 3  # index of the first argument in a node's command line
 LOG_TAIL = 15  # lines of a dead node's log that are shown
 
 
@@ -41,28 +43,37 @@ class NodeProcess:
     name: str
     parameters: Mapping[str, object]
     log: Path
-    process: subprocess.Popen | None = None
+    process: subprocess.Popen | Spare | None = None
     starts: int = 0
     code: int | None = None
 
-    def start(self, environment: Mapping[str, str]) -> None:
+    def start(self, environment: Mapping[str, str], spare: Spare | None = None) -> None:
         """Start the node in a process group of its own, so that Ctrl-C reaches it only through the launcher.
 
         It does not get a session of its own: Linux first distributes the processors among sessions, and niceness has no
         effect between these.
+
+        Args:
+            environment: of a new process.
+            spare: the process to use instead of a new one.
         """
         self.starts += 1
         self.code = None
         parameters = dict(self.parameters) | {"use_sim_time": self.name in USES_SIM_TIME}
-        with self.log.open("ab") as log:
-            self.process = subprocess.Popen(
-                node_command(self.name, _assignments(parameters)),
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
-                env=dict(environment),
-                process_group=0,
-            )
+        command = node_command(self.name, _assignments(parameters))
+        if spare is not None:
+            spare.run(self.name, command[NODE_ARGUMENTS:], self.log)
+            self.process = spare
+        else:
+            with self.log.open("ab") as log:
+                self.process = subprocess.Popen(
+                    command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=log,
+                    stderr=log,
+                    env=dict(environment),
+                    process_group=0,
+                )
         if self.name in LOW_PRIORITY:
             niceness = os.getpriority(os.PRIO_PROCESS, 0) + NICE
             os.setpriority(os.PRIO_PROCESS, self.process.pid, min(niceness, 19))
@@ -92,6 +103,7 @@ class Graph:
     """The node processes of one run. It is a context manager; all nodes have ended at its exit."""
 
     folder: Path  # of the logs
+    spares: list[Spare] = field(default_factory=list)  # for the nodes that are started first
     nodes: dict[str, NodeProcess] = field(default_factory=dict)
     _ending: threading.Event = field(default_factory=threading.Event)
     _lock: threading.Lock = field(default_factory=threading.Lock)
@@ -112,7 +124,7 @@ class Graph:
         node = NodeProcess(name, parameters or {}, self.folder / f"{name}.log")
         with self._lock:
             self.nodes[name] = node
-            node.start(self._environment)
+            node.start(self._environment, self.spares.pop() if self.spares else None)
 
     def check(self) -> None:
         """Check that all nodes run.
@@ -129,6 +141,8 @@ class Graph:
             return
         self._ending.set()
         self._watcher.join()
+        while self.spares:
+            self.spares.pop().dismiss()
         late = [name for name in self.nodes if name == "recorder"]
         for names in ([name for name in self.nodes if name not in late], late):
             self._end([self.nodes[name] for name in names])
@@ -166,7 +180,7 @@ class Graph:
             node.start(self._environment)
 
 
-def _send(process: subprocess.Popen, number: int) -> None:
+def _send(process: subprocess.Popen | Spare, number: int) -> None:
     try:
         os.killpg(process.pid, number)
     except ProcessLookupError:
