@@ -5,7 +5,7 @@ import threading
 import time
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import numpy as np
 import rclpy
@@ -448,6 +448,6 @@ def _pose(value: ArrayLike) -> Pose:
         InputError: INVALID_POSE.
     """
     try:
-        return pose_to_message(value, "pose")
+        return pose_to_message(cast(np.ndarray, value), "pose")  # which checks it
     except ConversionError as error:
         raise InputError(str(error), Code.INVALID_POSE) from error
