@@ -15,8 +15,9 @@ from hmap_core.contacts.feasibility import (
     reach_bounds,
     reachable,
 )
-from hmap_core.komo.manipulation import GRASP_RETREAT, Manipulation, Phase, bit, free_opening, retreated
+from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.path_collisions import path_violations
+from hmap_core.komo.segment import GRASP_RETREAT, Phase, bit, free_opening, retreated
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner import ContactSearchQuery, local_components
 from hmap_core.planner.contact_finder import contact_score

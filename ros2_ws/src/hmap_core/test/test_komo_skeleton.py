@@ -10,7 +10,6 @@ from skeleton_fixtures import TIP, TWO_ARMS, contact, depth, scene
 from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.exceptions import InputError
 from hmap_core.komo.clearances import Clearances
-from hmap_core.komo.manipulation import free_opening
 from hmap_core.komo.min_distances import (
     HELD_CLEARANCE,
     OBJECT_CLEARANCE,
@@ -18,6 +17,7 @@ from hmap_core.komo.min_distances import (
     SELF_CLEARANCE,
     TOUCH_ALLOWANCE,
 )
+from hmap_core.komo.segment import free_opening
 from hmap_core.komo.skeleton import TO_THE_END, ModeSwitch, Skeleton, SkeletonEntry
 from hmap_core.komo.skeleton_problem import SkeletonProblem
 from hmap_core.komo.workspace import Workspace

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hmap_core.types import Body, BodyKind, Goal, Robot, Scene, Shape, ShapeKind, TaskMode
+from hmap_core.types import Body, BodyKind, ContactPoint, Goal, Robot, Scene, Shape, ShapeKind, TaskMode
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,8 @@ class Attachment:
         T_obj_ee: (7,) the contact: the end-effector's pose in the object's frame at the mode switch.
         support: body on which the object stays, upright and at its height, while it is attached; None: it can be
             lifted.
+        contact: the same contact with its kind and opening, where these are known; the gripper is then open as the
+            contact says.
     """
 
     robot: str
@@ -36,6 +38,7 @@ class Attachment:
     first: int
     T_obj_ee: np.ndarray
     support: str | None = None
+    contact: ContactPoint | None = None
 
 
 @dataclass(frozen=True)

@@ -19,14 +19,14 @@ from hmap_core.contacts.hand_reach import hand_reach
 from hmap_core.contacts.push import push_reach
 from hmap_core.komo.features import pose_params_all
 from hmap_core.komo.ik import follow_ik, solve_ik_batch
-from hmap_core.komo.manipulation import Manipulation, Phase, bit, retreat_distance
+from hmap_core.komo.manipulation import Manipulation
+from hmap_core.komo.segment import APPROACH_STEPS, Phase, bit, retreat_distance
 from hmap_core.komo.transcription import KomoProblem
 from hmap_core.transforms import apply, inverse, multiply, multiply_all, rotation_matrices, rotation_matrix
 from hmap_core.types import ContactKind, ContactPoint
 
 RESTARTS = 2  # random configurations tried after the home configuration
 MAX_JUMP = 0.2  # rad a joint may turn between two neighbouring poses: about a centimetre of the hand
-APPROACH_STEPS = 4  # poses between the contact and the pre-contact pose
 COARSE_POSES = 24  # places of the object's path at which the hand alone is looked at
 CHUNK = 4  # candidates solved together
 MAX_SOLVED = 64  # candidates solved at most

@@ -1,14 +1,22 @@
 """Who keeps which distance from whom in which phase of a skeleton.
 
-Links keep away from everything, at all times. What a skeleton says changes that for a few: a hand and the object it
-touches may be as near in the phases around the contact as the contact has them; what hangs on a hand moves rigidly with
-it; a carried object may be as near to what stands around as it is where it is taken and put down; an object above its
-support touches it.
+This is the only place that says so; planner, contact checks and benchmark all build their collision models here.
+
+Links keep away from everything, at all times. What a skeleton says changes that for a few:
+
+- A hand comes nearer to the object in the phases around a contact. A contact of known kind and opening (a
+  ``ContactPoint``) gives the minimum distance by its kind: fingers that touch may be TOUCH_ALLOWANCE inside, everything
+  else keeps OBJECT_CLEARANCE. Such distances are alike for all contacts that open alike, which share collision models.
+  A contact given as a bare pose lowers the minimum distances to what the hand has there.
+- What hangs on a hand moves rigidly with it.
+- A carried object may be as near to what stands around as it is where it is picked and placed. Where its pose is
+  prescribed at every step, this counts in verification only (VERIFIED_ONLY): that path was planned free.
+- An object above its support touches it.
 """
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,13 +24,15 @@ import numpy as np
 from hmap_core.collision.convex import ConvexSet, set_distance
 from hmap_core.collision.grown import GrownModel
 from hmap_core.collision.scene_model import CollisionModel
-from hmap_core.komo.manipulation import free_opening
 from hmap_core.komo.min_distances import HELD_CLEARANCE, OBJECT_CLEARANCE, TOUCH_ALLOWANCE
-from hmap_core.komo.skeleton import SkeletonEntry, Symbol
+from hmap_core.komo.segment import free_opening
+from hmap_core.komo.skeleton import MAX_PHASES, SkeletonEntry, Symbol
 from hmap_core.komo.surroundings import Part
 from hmap_core.komo.timeline import Place, Timeline
 from hmap_core.transforms import IDENTITY, inverse, multiply
-from hmap_core.types import ContactPoint
+from hmap_core.types import ContactKind, ContactPoint
+
+VERIFIED_ONLY = 1 << MAX_PHASES  # bit of the pairs that count where paths are verified, beside those of the phases
 
 
 def mask(phases: Iterable[int]) -> int:
@@ -36,14 +46,28 @@ def lowered(clearance: float, distance: float) -> float:
 
 
 @dataclass(frozen=True)
-class _Stay:
+class _Run:
     """A handled body in one of its places."""
 
     name: str
     place: Place
-    shapes: list[int]
-    phases: int
+    span: range
+    phases: int  # bit mask of the span
     known: list[np.ndarray]  # world poses (7,) that it takes there for certain
+
+
+@dataclass(frozen=True)
+class _Stay:
+    """Its shapes there, and whether its pose is prescribed at every step."""
+
+    run: _Run
+    shapes: list[int]
+    prescribed: bool
+
+    name = property(lambda self: self.run.name)
+    place = property(lambda self: self.run.place)
+    phases = property(lambda self: self.run.phases)
+    known = property(lambda self: self.run.known)
 
 
 class Clearances:
@@ -51,6 +75,7 @@ class Clearances:
 
     Attributes:
         openings: of each moving robot's gripper, in which phases.
+        around: the moving robots among what stands around, without the handled bodies.
     """
 
     def __init__(self, timeline: Timeline):
@@ -61,22 +86,29 @@ class Clearances:
         for entry in self._skeleton.of(Symbol.TOUCH, Symbol.STABLE):
             self._near[entry.frames].append((entry, mask(_around(entry, self._skeleton.phases))))
         self.openings = tuple((name, self._openings(name)) for name in self._workspace.robots)
-        self._around = self._workspace.surroundings(frozenset(timeline.handled), self.openings)
+        self.around = self._workspace.surroundings(frozenset(timeline.handled), self.openings)
 
-    def model(self) -> CollisionModel:
-        """The shapes and pairs of all phases."""
+    def model(self, phases: Collection[int] | None = None, verified: bool = True) -> CollisionModel:
+        """The shapes and pairs.
+
+        Args:
+            phases: only those that the handled bodies have in these phases; None: in all.
+            verified: whether the pairs are wanted that count in verification only.
+        """
         if not self._timeline.handled:
-            return self._around.model
-        model = GrownModel(self._around.model)
+            return self.around.model
+        model = GrownModel(self.around.model)
+        wanted = mask(range(self._skeleton.phases) if phases is None else phases)
+        runs = [run for body in self._timeline.handled for run in self._runs(body) if run.phases & wanted]
         stays: list[_Stay] = []
-        for body in self._timeline.handled:
-            for stay in self._stays(model, body):
-                self._keep_robots_away(model, stay)
-                if stay.place.frame > 0:
-                    self._keep_from_surroundings(model, stay)
-                for other in stays:
-                    self._keep_bodies_apart(model, stay, other)
-                stays.append(stay)
+        for run in sorted(runs, key=lambda run: run.place.frame > 0):  # what stands comes first
+            stay = self._add(model, run)
+            self._keep_robots_away(model, stay)
+            if stay.place.frame > 0:
+                self._keep_from_surroundings(model, stay, verified)
+            for other in stays:
+                self._keep_bodies_apart(model, stay, other)
+            stays.append(stay)
         return model
 
     def _openings(self, name: str) -> tuple[tuple[float, int], ...]:
@@ -96,66 +128,100 @@ class Clearances:
             found[float(closed[0] if closed else free)] |= 1 << k
         return tuple(found.items())
 
-    def _stays(self, model: CollisionModel, name: str) -> list[_Stay]:
+    def _runs(self, name: str) -> list[_Run]:
+        """The places of a body, one after the other."""
         runs = self._timeline.runs(name)
-        stays = []
+        found = []
         for k, (place, phases) in enumerate(runs):
-            shapes = self._workspace.posed(name, place.T)
-            speed = 1.0
-            if place.robot is not None:
-                speed = self._workspace.speed(place.robot, shapes)
-            number = model.add_set(name, shapes, place.frame, speed)
-            neighbours = [run[0].T for run in runs[max(0, k - 1) : k + 2] if run[0].frame == 0]
-            stays.append(_Stay(name, place, number, mask(phases), neighbours + self._targets(name, phases)))
-        return stays
+            known = [run[0].T for run in runs[max(0, k - 1) : k + 2] if run[0].frame == 0]
+            known += [T for T in self._targets(name, phases) if not any(np.array_equal(T, other) for other in known)]
+            found.append(_Run(name, place, phases, mask(phases), known))
+        return found
 
     def _targets(self, name: str, phases: range) -> list[np.ndarray]:
-        """World poses that a body is asked to take in some phases."""
+        """World poses that a body is asked to take at the ends of some phases."""
         return [
-            target
+            e.target if e.target.ndim == 1 else e.target[-1]
             for e in self._skeleton.of(Symbol.POSE_EQ)
             if e.frames == (name,) and phases.start < e.phase1 <= phases.stop
-            for target in ([e.target] if e.target.ndim == 1 else e.target[[0, -1]])
         ]
 
+    def _add(self, model: CollisionModel, run: _Run) -> _Stay:
+        """Adds the shapes of a body in one of its places."""
+        shapes, place = self._workspace.posed(run.name, run.place.T), run.place
+        speed = 1.0 if place.robot is None else self._workspace.speed(place.robot, shapes)
+        prescribed = place.frame > 0 and self._skeleton.prescribes(run.name, run.span)
+        return _Stay(run, model.add_set(run.name, shapes, place.frame, speed), prescribed)
+
     def _keep_robots_away(self, model: CollisionModel, stay: _Stay) -> None:
-        for name, arm in self._around.arms.items():
-            upper = arm.upper + (arm.base if stay.place.frame > 0 else ())
-            model.keep_apart(upper, stay.shapes, OBJECT_CLEARANCE, stay.phases)
+        for name, arm in self.around.arms.items():
+            links = arm.base + arm.upper if stay.place.frame > 0 else arm.upper
+            model.keep_apart(links, stay.shapes, OBJECT_CLEARANCE, stay.phases)
             if stay.place.frame == self._workspace.model.tip(name):
                 continue
-            self._keep_hand_away(model, name, stay, Part(arm.hand, arm.hand_set, stay.phases))
-            for part in self._around.fingers[name] + self._around.linkages[name]:
-                self._keep_hand_away(model, name, stay, part)
+            fingers, linkages = self.around.fingers[name], self.around.linkages[name]
+            # an arm without fingers touches with its last link
+            self._keep_hand_away(model, name, stay, Part(arm.hand, arm.hand_set, stay.phases), not fingers)
+            for part in linkages:
+                self._keep_hand_away(model, name, stay, part, False)
+                self._keep_closed_linkage_away(model, name, stay, part)
+            for part in fingers:
+                self._keep_hand_away(model, name, stay, part, True)
 
-    def _keep_hand_away(self, model: CollisionModel, robot: str, stay: _Stay, part: Part) -> None:
-        """Keeps a part of a hand away from a body, around its contacts as near as these have it."""
+    def _keep_hand_away(self, model: CollisionModel, robot: str, stay: _Stay, part: Part, touches: bool) -> None:
+        """Keeps a part of a hand away from a body; around its contacts as the contact says.
+
+        Args:
+            touches: whether it is this part that touches in a contact.
+        """
         left = part.phases & stay.phases
+        found: dict[float, int] = defaultdict(int)
         for entry, around in self._near.get((robot, stay.name), ()):
             phases = left & around
             left &= ~around
             if phases:
-                distance = self._at_contact(part, robot, entry)
-                model.keep_apart(part.shapes, stay.shapes, lowered(OBJECT_CLEARANCE, distance), phases)
+                found[self._at_contact(part, robot, entry, touches)] |= phases
         if left:
-            model.keep_apart(part.shapes, stay.shapes, OBJECT_CLEARANCE, left)
+            found[OBJECT_CLEARANCE] |= left
+        for min_distance, phases in found.items():
+            model.keep_apart(part.shapes, stay.shapes, min_distance, phases)
 
-    def _at_contact(self, part: Part, robot: str, entry: SkeletonEntry) -> float:
-        """How near the object is to a part of the hand at a contact (m), where that is near at all."""
+    def _keep_closed_linkage_away(self, model: CollisionModel, robot: str, stay: _Stay, part: Part) -> None:
+        """Keeps what moves with a gripper away from the object while the gripper closes and opens round it."""
+        for entry, around in self._near.get((robot, stay.name), ()):
+            contact = self._skeleton.contact(entry)
+            if isinstance(contact, ContactPoint) and contact.kind == ContactKind.GRASP:
+                closed = mask(range(int(entry.phase0), int(entry.phase1)))
+                phases = stay.phases & around & ~part.phases
+                if closed & part.phases and phases:
+                    model.keep_apart(part.shapes, stay.shapes, OBJECT_CLEARANCE, phases)
+
+    def _at_contact(self, part: Part, robot: str, entry: SkeletonEntry, touches: bool) -> float:
+        """The minimum distance (m) of a part of the hand from the object around a contact."""
+        contact = self._skeleton.contact(entry)
+        if isinstance(contact, ContactPoint):
+            return -TOUCH_ALLOWANCE if touches and contact.kind != ContactKind.GRASP else OBJECT_CLEARANCE
         T_tip_ee = self._workspace.end_effector(robot)[1]
         T = multiply(T_tip_ee, inverse(self._timeline.T_obj_manipulator(entry)))
-        return self._nearness(part.set, IDENTITY, entry.frames[1], T, OBJECT_CLEARANCE)
+        return lowered(OBJECT_CLEARANCE, self._nearness(part.set, IDENTITY, entry.frames[1], T, OBJECT_CLEARANCE))
 
     def _nearness(self, shapes: ConvexSet, T_shapes, name: str, T: np.ndarray, clearance: float) -> float:
         """Distance (m) of some shapes at a pose from a body at one, exact where below the clearance."""
         own = self._workspace.shapes[name]
         return set_distance(shapes, T_shapes, own, T, clearance + TOUCH_ALLOWANCE)
 
-    def _keep_from_surroundings(self, model: CollisionModel, stay: _Stay) -> None:
-        own, cutoff = self._workspace.shapes[stay.name], HELD_CLEARANCE + TOUCH_ALLOWANCE
-        nearest = self._around.nearest(own, stay.known, cutoff)
+    def _keep_from_surroundings(self, model: CollisionModel, stay: _Stay, verified: bool) -> None:
+        own, standing = self._workspace.shapes[stay.name], self.around.standing
+        if stay.prescribed:
+            if verified:
+                nearest = self.around.nearest(own, stay.known, HELD_CLEARANCE)
+                for name, shapes in standing.items():
+                    min_distance = nearest.get(name, HELD_CLEARANCE) - TOUCH_ALLOWANCE
+                    model.keep_apart(stay.shapes, shapes, min_distance, VERIFIED_ONLY)
+            return
+        nearest = self.around.nearest(own, stay.known, HELD_CLEARANCE + TOUCH_ALLOWANCE)
         far: list[int] = []
-        for name, shapes in self._around.standing.items():
+        for name, shapes in standing.items():
             if (stay.name, name) in self._above:
                 model.keep_apart(stay.shapes, shapes, -TOUCH_ALLOWANCE, stay.phases)
             elif name in nearest:

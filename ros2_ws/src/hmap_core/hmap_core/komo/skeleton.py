@@ -32,7 +32,7 @@ class Symbol(StrEnum):
     POSE_EQ = "pose_eq"  # (frame[, reference]): its pose (7,) there, or one per step (S, 7)
     POSITION_EQ = "position_eq"  # (frame[, reference]): its position (3,) there, or one per step (S, 3)
     ABOVE = "above"  # (object, support): stands upright on the support's top, not beyond its edges
-    HOME = "home"  # (robot, ...), all that move: their joints (n,), by default the home configurations
+    HOME = "home"  # (robot, ...), all that move: their joints (n,), or one row per step (S, n); by default at home
 
 
 FRAMES = {
@@ -116,16 +116,23 @@ class ModeSwitch:
 class Skeleton:
     """A sequence of modes s_1:K with what is asked in them.
 
+    Args:
+        entries: what is asked.
+        phases: their number K; by default as many as the entries name.
+
     Attributes:
         entries: with phase1 resolved.
         phases: their number K.
+
+    Raises:
+        InputError: names the entry that does not fit the others.
     """
 
-    def __init__(self, entries: Sequence[SkeletonEntry]):
+    def __init__(self, entries: Sequence[SkeletonEntry], phases: int = 0):
         if not entries:
             raise InputError("a skeleton needs entries")
         last = max(max(e.phase0, e.phase1) for e in entries)
-        self.phases = math.ceil(last)
+        self.phases = max(math.ceil(last), phases)
         self.entries = tuple(
             SkeletonEntry(e.phase0, self.phases, e.symbol, e.frames, e.target) if e.phase1 == TO_THE_END else e
             for e in entries
@@ -142,13 +149,13 @@ class Skeleton:
             SkeletonEntry(e.phase0 + self.phases, e.phase1 + self.phases, e.symbol, e.frames, e.target)
             for e in other.entries
         ]
-        return Skeleton([*self.entries, *later])
+        return Skeleton([*self.entries, *later], self.phases + other.phases)
 
     def of(self, *symbols: Symbol) -> list[SkeletonEntry]:
         """The entries of some symbols, in their order."""
         return [e for e in self.entries if e.symbol in symbols]
 
-    def holding(self, name: str, phase: int) -> SkeletonEntry | None:
+    def stable_on(self, name: str, phase: int) -> SkeletonEntry | None:
         """The ``stable`` entry of an object in the phase number ``phase`` (0: the first); None where it stands."""
         return self._held.get(name, {}).get(phase)
 
@@ -163,6 +170,13 @@ class Skeleton:
             if touch.frames == entry.frames and touch.phase0 <= entry.phase0 <= touch.phase1:
                 return touch.target
         return None
+
+    def prescribes(self, name: str, phases: range) -> bool:
+        """Whether a pose of an object is given at every step of some phases."""
+        return any(
+            e.frames[0] == name and e.target.ndim == 2 and e.phase0 <= phases.start and phases.stop <= e.phase1
+            for e in self.of(Symbol.POSE_EQ)
+        )
 
     def switches(self) -> list[ModeSwitch]:
         """All mode switches, by phase."""

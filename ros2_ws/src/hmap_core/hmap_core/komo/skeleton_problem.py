@@ -1,10 +1,12 @@
 """From a skeleton in a workspace to the KOMO problem of its path."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
+from types import MappingProxyType
 
 import numpy as np
 
+from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.exceptions import InputError
 from hmap_core.komo.clearances import Clearances
 from hmap_core.komo.features import above, joint_position, pose_params_all, relative_pose, relative_position
@@ -26,8 +28,11 @@ class SkeletonProblem(KomoProblem):
     Args:
         skeleton: its text.
         workspace: scene, state, and the robots that move.
-        steps_per_phase: one number for all phases, or one for each.
+        steps_per_phase: one number for all phases, or one for each. The phases before the first entry may have none:
+            the problem is then the part of another one that begins later.
         options: of the solver.
+        start: world poses (7,) of bodies that do not start where they are in the workspace's state.
+        collisions: what keeps apart, where that is known already; by default it follows from the modes.
 
     Raises:
         InputError: names the entry that does not fit the scene or the other entries.
@@ -39,13 +44,17 @@ class SkeletonProblem(KomoProblem):
         workspace: Workspace,
         steps_per_phase: int | Sequence[int],
         options: SolverOptions | None = None,
+        start: Mapping[str, np.ndarray] = MappingProxyType({}),
+        collisions: CollisionModel | None = None,
     ):
         steps = (steps_per_phase,) * skeleton.phases if np.isscalar(steps_per_phase) else tuple(steps_per_phase)
-        if len(steps) != skeleton.phases or min(steps) < 1:
+        begin = int(np.ceil(min(entry.phase0 for entry in skeleton.entries))) - 1  # phase of the first entry
+        if len(steps) != skeleton.phases or min(steps[:begin], default=0) < 0 or min(steps[max(begin, 0) :]) < 1:
             raise InputError(f"steps_per_phase {steps}: the skeleton has {skeleton.phases} phases, of 1 step or more")
         self.skeleton, self.workspace = skeleton, workspace
-        self.timeline = Timeline(skeleton, workspace)
-        collisions = Clearances(self.timeline).model()
+        self.timeline = Timeline(skeleton, workspace, start)
+        if collisions is None:
+            collisions = Clearances(self.timeline).model()
         super().__init__(workspace.model.chain, steps, collisions, options or SolverOptions())
         self._phase = self.phase_of_step().tolist()
         for entry in skeleton.entries:
@@ -96,7 +105,7 @@ class SkeletonProblem(KomoProblem):
         T_contact = self.timeline.T_obj_manipulator(entry)
         met: dict[tuple[int, int], tuple[Place, Place, list[int]]] = {}
         for phase, own in self._by_phase(steps):
-            holder = self.skeleton.holding(name, phase)
+            holder = self.skeleton.stable_on(name, phase)
             if holder is not None and holder.frames == entry.frames:
                 T_held = self.timeline.T_obj_manipulator(holder)
                 if T_held is T_contact or np.allclose(T_contact, T_held):
@@ -147,9 +156,15 @@ class SkeletonProblem(KomoProblem):
             entry.reject(f"is for all robots that move, in their order: {', '.join(robots)}")
         home = np.concatenate([self.workspace.scene.robots[name].model.home for name in robots])
         target = home if entry.target is None else np.asarray(entry.target, float)
+        steps = self.steps_of(entry)
+        if target.shape == (len(steps), len(home)):
+            features = [joint_position(row) for row in target]
+            params = np.array([feature.params for feature in features])
+            self.objectives.append(Objective(features[0], ObjectiveType.EQ, steps, params=params))
+            return
         if target.shape != home.shape:
-            entry.reject(f"its target must be {len(home)} joints")
-        self.objectives.append(Objective(joint_position(target), ObjectiveType.EQ, self.steps_of(entry)))
+            entry.reject(f"its target must be {len(home)} joints, or a row of them for each of its {len(steps)} steps")
+        self.objectives.append(Objective(joint_position(target), ObjectiveType.EQ, steps))
 
     # --- results
 
@@ -165,7 +180,7 @@ class SkeletonProblem(KomoProblem):
             for place, phases in self.timeline.runs(name):
                 span = slice(self.step(phases.start) + 1, self.step(phases.stop) + 1)
                 poses[span] = place.T_ee if place.robot is None else multiply_all(hands[place.robot][span], place.T_ee)
-            first = self.workspace.state.poses[name]
+            first = self.timeline.start[name]
             found[name] = consistent(np.concatenate([first[None], poses]))[1:]
         return found
 

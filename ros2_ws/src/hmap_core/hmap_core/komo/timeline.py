@@ -1,7 +1,8 @@
 """Where everything is in each phase of a skeleton: on what it hangs, or where it stands."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -32,12 +33,23 @@ class Place:
 class Timeline:
     """The places of a skeleton's frames in a workspace.
 
+    Args:
+        skeleton, workspace: whose.
+        start: world poses (7,) of bodies that do not start where they are in the workspace's state.
+
+    Attributes:
+        start: world poses (7,) of all bodies at the start.
+        handled: names of the bodies that are touched or carried.
+
     Raises:
         InputError: the skeleton names what the scene has not, or leaves open where something is.
     """
 
-    def __init__(self, skeleton: Skeleton, workspace: Workspace):
+    def __init__(
+        self, skeleton: Skeleton, workspace: Workspace, start: Mapping[str, np.ndarray] = MappingProxyType({})
+    ):
         self.skeleton, self.workspace = skeleton, workspace
+        self.start = {**workspace.state.poses, **start} if start else workspace.state.poses
         self._places: dict[tuple[str, int], Place] = {}
         self._contacts: dict[int, np.ndarray] = {}
         self._hung: dict[tuple, Place] = {}
@@ -77,10 +89,9 @@ class Timeline:
         if contact is not None:
             return contact.T_obj_ee if isinstance(contact, ContactPoint) else np.asarray(contact, float)
         manipulator, name = entry.frames  # held from the start, as checked
-        poses = self.workspace.state.poses
         is_robot = manipulator in self.workspace.scene.robots
-        T = self.workspace.T_world_ee(manipulator) if is_robot else poses[manipulator]
-        return multiply(inverse(poses[name]), T)
+        T = self.workspace.T_world_ee(manipulator) if is_robot else self.start[manipulator]
+        return multiply(inverse(self.start[name]), T)
 
     def _check(self, entry: SkeletonEntry) -> None:
         """That the frames are there and of the kind that the symbol needs."""
@@ -111,16 +122,16 @@ class Timeline:
         return Place(frame, T, name if moves else None, IDENTITY if moves else T)
 
     def _body(self, name: str, phase: int, below: Iterable[str] = ()) -> Place:
-        entry = self.skeleton.holding(name, phase)
+        entry = self.skeleton.stable_on(name, phase)
         if entry is not None:
             return self._on(entry, phase, tuple(below))
         if phase == 0:
-            T = self.workspace.state.poses[name]
+            T = self.start[name]
             return Place(0, T, None, T)
-        released = self.skeleton.holding(name, phase - 1)
+        released = self.skeleton.stable_on(name, phase - 1)
         if released is None:
             return self.place(name, phase - 1)
-        T = self._put_down(name, phase)
+        T = self._released_at(name, phase)
         if T is None:
             released.reject(f"it ends before the skeleton does, and no pose_eq says where '{name}' is at phase {phase}")
         return Place(0, T, None, T)
@@ -132,7 +143,7 @@ class Timeline:
             entry.reject("it hangs on itself")
         if manipulator in self.workspace.scene.robots:
             carrier = self.place(manipulator, phase)
-        elif self.skeleton.holding(manipulator, phase) is None:
+        elif self.skeleton.stable_on(manipulator, phase) is None:
             entry.reject(f"nothing holds '{manipulator}' in phase {phase + 1}")
         else:
             carrier = self._body(manipulator, phase, (*below, name))
@@ -142,7 +153,7 @@ class Timeline:
             self._hung[key] = Place(carrier.frame, multiply(carrier.T, T), carrier.robot, multiply(carrier.T_ee, T))
         return self._hung[key]
 
-    def _put_down(self, name: str, phase: int) -> np.ndarray | None:
+    def _released_at(self, name: str, phase: int) -> np.ndarray | None:
         """World pose (7,) in which a pose_eq leaves an object at the end of the phases up to ``phase``."""
         for entry in self.skeleton.of(Symbol.POSE_EQ):
             if entry.frames[0] == name and entry.phase1 == phase:

@@ -8,7 +8,8 @@ import numpy as np
 from hmap_core.collision.convex import from_hulls, set_distance
 from hmap_core.contacts.feasibility import stretches
 from hmap_core.kinematics.arm import load_arm
-from hmap_core.komo.manipulation import Manipulation, free_opening, retreated
+from hmap_core.komo.manipulation import Manipulation
+from hmap_core.komo.segment import free_opening, retreated
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner.obstruction import LIFT
 from hmap_core.planner.protocols import ContactQuery

@@ -8,7 +8,8 @@ import numpy as np
 from hmap_core.exceptions import Code, InputError, MotionError
 from hmap_core.komo.features import pose_params
 from hmap_core.komo.ik import solve_ik_batch
-from hmap_core.komo.manipulation import Manipulation, Phase
+from hmap_core.komo.manipulation import Manipulation
+from hmap_core.komo.segment import Phase
 from hmap_core.planner import segments
 from hmap_core.planner.interfaces import SubTrajectory
 from hmap_core.types import Scene, SceneState

@@ -5,7 +5,8 @@ import numpy as np
 from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.komo.features import pose_params_all
 from hmap_core.komo.ik import follow_ik
-from hmap_core.komo.manipulation import Manipulation, Phase
+from hmap_core.komo.manipulation import Manipulation
+from hmap_core.komo.segment import Phase
 from hmap_core.transforms import multiply_all
 
 STEP = 0.02  # m between two configurations of a move

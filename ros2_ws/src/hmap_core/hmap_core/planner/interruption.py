@@ -5,7 +5,8 @@ import numpy as np
 from hmap_core import transforms
 from hmap_core.contacts.feasibility import drawn_back_path, ik_problem
 from hmap_core.kinematics.arm import load_arm
-from hmap_core.komo.manipulation import GRASP_RETREAT, Manipulation, Phase, free_opening
+from hmap_core.komo.manipulation import Manipulation
+from hmap_core.komo.segment import GRASP_RETREAT, Phase, free_opening
 from hmap_core.planner.conflicts import Conflict
 from hmap_core.planner.planned_contacts import PlannedContact, contact_of, planned_contacts
 from hmap_core.planner.segments import FREE_ACCELERATION, FREE_SPEED, HOLD_ACCELERATION, HOLD_SPEED, SAMPLE_PERIOD

@@ -7,13 +7,22 @@ from functools import partial
 import numpy as np
 
 from hmap_core.collision.scene_model import CollisionModel, Collisions
-from hmap_core.contacts.feasibility import APPROACH_STEPS, draw_back, ik_problem
+from hmap_core.contacts.feasibility import draw_back, ik_problem
 from hmap_core.exceptions import Code, MotionError
 from hmap_core.komo.allowances import relaxed, verification
-from hmap_core.komo.features import joint_position, relative_pose
-from hmap_core.komo.manipulation import CARRIED, Manipulation, Phase, bit, free_opening, retreated
-from hmap_core.komo.objective import Objective, ObjectiveType
-from hmap_core.komo.transcription import KomoProblem
+from hmap_core.komo.clearances import VERIFIED_ONLY
+from hmap_core.komo.manipulation import Manipulation
+from hmap_core.komo.segment import (
+    APPROACH_STEPS,
+    Phase,
+    approach_skeleton,
+    approach_through,
+    bit,
+    free_opening,
+    segment_skeleton,
+)
+from hmap_core.komo.skeleton import Skeleton
+from hmap_core.komo.skeleton_problem import SkeletonProblem
 from hmap_core.planner.interfaces import RobotContact, SubTrajectory
 from hmap_core.planner.segments.attached import end_effector_poses, with_attached
 from hmap_core.planner.segments.object_steps import thinned
@@ -25,12 +34,12 @@ from hmap_core.planner.segments.violation import Part, PathResult, Violation
 from hmap_core.planner.transit import resampled
 from hmap_core.planner.transit_search import TransitSearch
 from hmap_core.trajectory.timing import spline
-from hmap_core.transforms import IDENTITY, consistent, inverse, multiply, multiply_all
+from hmap_core.transforms import consistent, inverse, multiply, multiply_all
 from hmap_core.types import Scene, SceneState, SegmentKind
 
 SEARCH_TIME = 10.0  # s that may go into one joint-space search; its number of checks ends it earlier
 
-ProblemOf = Callable[[int], KomoProblem]  # the problem for a number of steps of the transit
+ProblemOf = Callable[[int], SkeletonProblem]  # the problem for a number of steps of the transit
 
 
 class CutCorner(MotionError):
@@ -75,7 +84,7 @@ class ContactSegment:
         """
         before = self._drawn_back(self.T_start, self.keyframes[0], Phase.APPROACH)
         after = self._drawn_back(self.T_end, self.keyframes[-1], Phase.RETREAT)
-        make = partial(self._problem, leaving=len(after) > 0)
+        make = partial(self.problem, segment_skeleton(self.robot, self.object, self.contact, self.poses))
         coming, carrying, leaving = self._split(*self._search(make, before, after, rng, deadline))
         parts = self._coming(coming), self._carrying(carrying), self._leaving(leaving)
         return [with_attached(self.scene, own) for own in parts]
@@ -87,8 +96,11 @@ class ContactSegment:
             MotionError: NO_MOTION.
         """
         before = self._drawn_back(self.T_start, self.keyframes[0], Phase.APPROACH)
-        make = partial(self._coming_as, before) if exact else partial(self._problem, leaving=False)
-        _, path = self._search(make, before, self.keyframes[:0], rng, deadline)
+        if exact:
+            skeleton = approach_through(self.robot, np.array([*before[::-1], self.keyframes[0]]))
+        else:
+            skeleton = approach_skeleton(self.robot, self.object, self.contact, self.T_start)
+        _, path = self._search(partial(self.problem, skeleton), before, self.keyframes[:0], rng, deadline)
         return self._coming(np.concatenate([self.start[None], path]))
 
     def leave(self) -> SubTrajectory:
@@ -108,34 +120,17 @@ class ContactSegment:
 
     # --- the problems
 
-    def _problem(self, transit_steps: int, leaving: bool) -> KomoProblem:
-        retreat = APPROACH_STEPS if leaving else 0
-        steps = (transit_steps, APPROACH_STEPS, len(self.poses) - 1, retreat)
-        problem = KomoProblem(self.manipulation.model.chain, steps, self.collisions, path_options(sum(steps)))
-        feature = relative_pose(self.manipulation.tip, IDENTITY, IDENTITY)
-        fractions = np.arange(APPROACH_STEPS + 1) / APPROACH_STEPS  # as in draw_back
-        coming = [multiply(self.T_start, retreated(self.contact, f)) for f in fractions[::-1]]
-        carrying = [multiply(T, self.contact.T_obj_ee) for T in self.poses[1:]]
-        away = [multiply(self.T_end, retreated(self.contact, f)) for f in fractions[1 : retreat + 1]]
-        first = problem.last(Phase.TRANSIT)
-        targets = [*coming, *carrying, *away]
-        params = [self.manipulation.target(T) for T in targets]
-        problem.add(Objective(feature, ObjectiveType.EQ, range(first, first + len(targets)), params=params))
-        return problem
-
-    def _coming_as(self, before: np.ndarray, transit_steps: int) -> KomoProblem:
-        """Coming to the keyframe through the configurations (APPROACH_STEPS, n) before it, the farthest last."""
-        steps = (transit_steps, APPROACH_STEPS, 0, 0)
-        problem = KomoProblem(self.manipulation.model.chain, steps, self.collisions, path_options(sum(steps)))
-        for step, q in enumerate([*before[::-1], self.keyframes[0]], problem.last(Phase.TRANSIT)):
-            problem.add(Objective(joint_position(q), ObjectiveType.EQ, [step]))
-        return problem
+    def problem(self, skeleton: Skeleton, transit_steps: int) -> SkeletonProblem:
+        """The problem of a skeleton of the segment, or of its first phases, with so many steps of the transit."""
+        steps = (transit_steps, APPROACH_STEPS, len(self.poses) - 1, APPROACH_STEPS)[: skeleton.phases]
+        options = path_options(sum(steps))
+        return self.manipulation.problem(skeleton, steps, options, self.T_start, self.collisions)
 
     # --- the search for a path
 
     def _search(
         self, make: ProblemOf, before: np.ndarray, after: np.ndarray, rng: np.random.Generator, deadline: float
-    ) -> tuple[KomoProblem, np.ndarray]:
+    ) -> tuple[SkeletonProblem, np.ndarray]:
         """The verified path (T, n) and its problem: from the straight transit to the contact or from one by search.
 
         A transit with room round what is attached comes first. What was found by search is used as it is where the
@@ -172,7 +167,7 @@ class ContactSegment:
         return problem, found
 
     def _solved(
-        self, problem: KomoProblem, cols: Collisions, transit: np.ndarray, before: np.ndarray, after: np.ndarray
+        self, problem: SkeletonProblem, cols: Collisions, transit: np.ndarray, before: np.ndarray, after: np.ndarray
     ) -> PathResult:
         """The verified path from one first guess of the transit (T0, n)."""
         result = problem.solve(self.start, self._guess(transit, before, after))
@@ -185,7 +180,7 @@ class ContactSegment:
             violations = self._check(problem, path, cols)
         return PathResult(violations=violations) if violations else PathResult(path)
 
-    def _leaving_straight(self, problem: KomoProblem, path: np.ndarray) -> np.ndarray:
+    def _leaving_straight(self, problem: SkeletonProblem, path: np.ndarray) -> np.ndarray:
         """The path (T, n) with its retreat anew from where it lets go.
 
         The smoothest retreat goes on as the joints moved before, if need be through another configuration of the arm.
@@ -209,13 +204,13 @@ class ContactSegment:
 
     # --- verification
 
-    def _split(self, problem: KomoProblem, path: np.ndarray) -> list[np.ndarray]:
+    def _split(self, problem: SkeletonProblem, path: np.ndarray) -> list[np.ndarray]:
         """The coming (M0, n), carrying (M1, n) and leaving (M2, n) parts; each starts where the last ended."""
         contact, end = problem.last(Phase.APPROACH), problem.last(Phase.HOLD)
         coming = np.concatenate([self.start[None], path[: contact + 1]])
         return [coming, path[contact : end + 1], path[end:]]
 
-    def _check(self, problem: KomoProblem, path: np.ndarray, cols: Collisions) -> tuple[Violation, ...]:
+    def _check(self, problem: SkeletonProblem, path: np.ndarray, cols: Collisions) -> tuple[Violation, ...]:
         """What a path (T, n) violates between its steps."""
         own = zip(Part, self._split(problem, path), strict=True)
         curves = {name: spline(steps) for name, steps in own if name is Part.COMING or len(steps) > 1}
@@ -223,7 +218,7 @@ class ContactSegment:
         turn = knots[-1 - APPROACH_STEPS] if len(knots) > APPROACH_STEPS else 0.0
         masks = {
             Part.COMING: Masks(bit(Phase.TRANSIT), turn, bit(Phase.APPROACH)),
-            Part.CARRYING: Masks(bit(Phase.HOLD) | CARRIED),
+            Part.CARRYING: Masks(bit(Phase.HOLD) | VERIFIED_ONLY),
             Part.LEAVING: Masks(bit(Phase.RETREAT)),
         }
         parts = {name: (curve, masks[name]) for name, curve in curves.items()}

@@ -7,7 +7,8 @@ from hmap_core.contacts.feasibility import MAX_JUMP, ik_problem
 from hmap_core.komo.allowances import relaxed, verification
 from hmap_core.komo.features import pose_params_all
 from hmap_core.komo.ik import follow_ik
-from hmap_core.komo.manipulation import Manipulation, Phase
+from hmap_core.komo.manipulation import Manipulation
+from hmap_core.komo.segment import Phase
 from hmap_core.planner.interfaces import SubTrajectory
 from hmap_core.planner.segments.parts import at_rest
 from hmap_core.planner.segments.timing import timed_contact

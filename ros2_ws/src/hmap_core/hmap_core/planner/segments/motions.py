@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 from hmap_core.exceptions import MotionError
-from hmap_core.komo.manipulation import free_opening
+from hmap_core.komo.segment import free_opening
 from hmap_core.planner.interfaces import RobotContact, SubTrajectory
 from hmap_core.planner.segments.attached import attach_body, with_attached
 from hmap_core.planner.segments.contact_segment import ContactSegment, CutCorner
@@ -82,7 +82,7 @@ def go(
     Raises:
         MotionError: NO_MOTION.
     """
-    moved = transit(scene, state, robot, None, q, rng, time.monotonic() + time_limit)
+    moved = transit(scene, state, robot, q, rng, time.monotonic() + time_limit)
     return joined_parts(scene, state, [with_attached(scene, moved)])
 
 
@@ -106,7 +106,7 @@ def place(
     there = state.copy()
     there.q[robot], there.poses[body] = contact.keyframes[0], T_place
     path = lift_path(grasped, there, robot, there.q[robot])
-    above = transit(grasped, state, robot, None, path[-1], rng, deadline)
+    above = transit(grasped, state, robot, path[-1], rng, deadline)
     lowering = vertical(grasped, there, robot, path, down=True)
     retreat = ContactSegment(scene, there, body, contact, T_place[None]).leave()
     return joined_parts(scene, state, [with_attached(grasped, above), with_attached(grasped, lowering), retreat])
@@ -123,7 +123,7 @@ def _prepared(
     cleared = state.copy()
     for other in contact.clear:
         home = scene.robots[other].model.home
-        parts.append(with_attached(scene, transit(scene, cleared, other, object, home, rng, deadline)))
+        parts.append(with_attached(scene, transit(scene, cleared, other, home, rng, deadline)))
         cleared.q[other] = last_configuration(parts, other)
     return [*parts, *_rise_to_open(scene, cleared, contact, object)], cleared
 

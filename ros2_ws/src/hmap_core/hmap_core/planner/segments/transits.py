@@ -8,12 +8,10 @@ from hmap_core.collision.scene_model import Collisions
 from hmap_core.exceptions import MotionError
 from hmap_core.kinematics.chain import Chain
 from hmap_core.komo.allowances import relaxed, verification
-from hmap_core.komo.features import joint_position
 from hmap_core.komo.manipulation import Manipulation
-from hmap_core.komo.objective import Objective, ObjectiveType
 from hmap_core.komo.options import SolverOptions
 from hmap_core.komo.path_collisions import path_violations
-from hmap_core.komo.transcription import KomoProblem
+from hmap_core.komo.segment import transit_skeleton
 from hmap_core.planner.interfaces import SubTrajectory
 from hmap_core.planner.segments.parts import at_rest
 from hmap_core.planner.segments.timing import timed_transit
@@ -34,10 +32,10 @@ def standing_collision(
     """What a robot stands in: the names of the two parts and how deep (m); None when it stands free.
 
     Args:
-        object: that is to be handled; it is told apart from the bodies around.
+        object: that is to be handled.
     """
     manipulation = Manipulation(scene, state, robot, object)
-    collisions = manipulation.standing_collisions(None if object is None else state.poses[object])
+    collisions = manipulation.standing_collisions()
     cols = collisions.arrays()
     cols = cols._replace(min_distance=np.full_like(cols.min_distance, -STANDING_DEPTH))
     q = np.ascontiguousarray(state.q[robot])[None]
@@ -46,25 +44,23 @@ def standing_collision(
 
 
 def transit(
-    scene: Scene, state: SceneState, robot: str, object: str | None, q: np.ndarray, rng, deadline: float
+    scene: Scene, state: SceneState, robot: str, q: np.ndarray, rng: np.random.Generator, deadline: float
 ) -> SubTrajectory:
-    """A transit of a robot to the configuration q (n,), past an object that stands.
+    """A transit of a robot to the configuration q (n,), past everything that stands.
 
     Raises:
         MotionError: NO_MOTION.
     """
-    manipulation = Manipulation(scene, state, robot, object)
-    collisions = manipulation.standing_collisions(None if object is None else state.poses[object])
+    manipulation = Manipulation(scene, state, robot, None)
     chain, start = manipulation.model.chain, state.q[robot]
     steps = transit_steps(start, q)
-    problem = KomoProblem(chain, (steps,), collisions, path_options(steps))
-    problem.add(Objective(joint_position(q), ObjectiveType.EQ, [steps - 1]))
+    problem = manipulation.problem(transit_skeleton(robot, q), (steps,), path_options(steps))
     result = problem.solve(start, straight(start, q, steps))
     cols = _relaxed_at_ends(chain, problem.arrays(), start, q)
     path = np.concatenate([start[None], result.path]) if result.feasible else None
     if path is not None and not is_free(chain, verification(cols), path):
         path = None
-    search = TransitSearch(manipulation, collisions, cols, start, q, 1)
+    search = TransitSearch(manipulation, problem.collisions, cols, start, q, 1)
     if path is None or not search.has_room(path):
         searched = _first_free(chain, verification(cols), search.ways(rng, deadline, path is None))
         path = path if searched is None else searched
