@@ -62,11 +62,6 @@ NOT_CONVERTED = {
     "docs/komo.md",
     "ros2_ws/src/hmap_core/hmap_core/contacts/feasibility.py",
     "ros2_ws/src/hmap_core/hmap_core/contacts/hand_reach.py",
-    "ros2_ws/src/hmap_core/hmap_core/komo/clearances.py",
-    "ros2_ws/src/hmap_core/hmap_core/komo/manipulation.py",
-    "ros2_ws/src/hmap_core/hmap_core/komo/skeleton.py",
-    "ros2_ws/src/hmap_core/hmap_core/komo/skeleton_problem.py",
-    "ros2_ws/src/hmap_core/hmap_core/komo/timeline.py",
     "ros2_ws/src/hmap_core/hmap_core/planner/free_motion.py",
     "ros2_ws/src/hmap_core/test/test_feasibility.py",
 }

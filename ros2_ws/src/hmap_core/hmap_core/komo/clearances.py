@@ -17,7 +17,7 @@ Links keep away from everything, at all times. What a skeleton says changes that
 import math
 from collections import defaultdict
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,28 +46,22 @@ def lowered(clearance: float, distance: float) -> float:
 
 
 @dataclass(frozen=True)
-class _Run:
-    """A handled body in one of its places."""
+class _Stay:
+    """A handled body in one of its places.
+
+    Attributes:
+        phases: bit mask of the phases in which it is there.
+        known: world poses (7,) that it takes there for certain.
+        prescribed: whether its pose is given at every step, while something carries it.
+        shapes: its numbers in the model, once it was added.
+    """
 
     name: str
     place: Place
-    span: range
-    phases: int  # bit mask of the span
-    known: list[np.ndarray]  # world poses (7,) that it takes there for certain
-
-
-@dataclass(frozen=True)
-class _Stay:
-    """Its shapes there, and whether its pose is prescribed at every step."""
-
-    run: _Run
-    shapes: list[int]
+    phases: int
+    known: list[np.ndarray]
     prescribed: bool
-
-    name = property(lambda self: self.run.name)
-    place = property(lambda self: self.run.place)
-    phases = property(lambda self: self.run.phases)
-    known = property(lambda self: self.run.known)
+    shapes: tuple[int, ...] = ()
 
 
 class Clearances:
@@ -99,10 +93,10 @@ class Clearances:
             return self.around.model
         model = GrownModel(self.around.model)
         wanted = mask(range(self._skeleton.phases) if phases is None else phases)
-        runs = [run for body in self._timeline.handled for run in self._runs(body) if run.phases & wanted]
+        found = [stay for body in self._timeline.handled for stay in self._stays(body) if stay.phases & wanted]
         stays: list[_Stay] = []
-        for run in sorted(runs, key=lambda run: run.place.frame > 0):  # what stands comes first
-            stay = self._add(model, run)
+        for place in sorted(found, key=lambda stay: stay.place.frame > 0):  # what stands comes first
+            stay = self._added(model, place)
             self._keep_robots_away(model, stay)
             if stay.place.frame > 0:
                 self._keep_from_surroundings(model, stay, verified)
@@ -128,14 +122,15 @@ class Clearances:
             found[float(closed[0] if closed else free)] |= 1 << k
         return tuple(found.items())
 
-    def _runs(self, name: str) -> list[_Run]:
+    def _stays(self, name: str) -> list[_Stay]:
         """The places of a body, one after the other."""
         runs = self._timeline.runs(name)
         found = []
         for k, (place, phases) in enumerate(runs):
             known = [run[0].T for run in runs[max(0, k - 1) : k + 2] if run[0].frame == 0]
             known += [T for T in self._targets(name, phases) if not any(np.array_equal(T, other) for other in known)]
-            found.append(_Run(name, place, phases, mask(phases), known))
+            prescribed = place.frame > 0 and self._skeleton.prescribes(name, phases)
+            found.append(_Stay(name, place, mask(phases), known, prescribed))
         return found
 
     def _targets(self, name: str, phases: range) -> list[np.ndarray]:
@@ -146,12 +141,11 @@ class Clearances:
             if e.frames == (name,) and phases.start < e.phase1 <= phases.stop
         ]
 
-    def _add(self, model: CollisionModel, run: _Run) -> _Stay:
-        """Adds the shapes of a body in one of its places."""
-        shapes, place = self._workspace.posed(run.name, run.place.T), run.place
+    def _added(self, model: CollisionModel, stay: _Stay) -> _Stay:
+        """The same with its shapes added to the model."""
+        shapes, place = self._workspace.posed(stay.name, stay.place.T), stay.place
         speed = 1.0 if place.robot is None else self._workspace.speed(place.robot, shapes)
-        prescribed = place.frame > 0 and self._skeleton.prescribes(run.name, run.span)
-        return _Stay(run, model.add_set(run.name, shapes, place.frame, speed), prescribed)
+        return replace(stay, shapes=tuple(model.add_set(stay.name, shapes, place.frame, speed)))
 
     def _keep_robots_away(self, model: CollisionModel, stay: _Stay) -> None:
         for name, arm in self.around.arms.items():

@@ -172,9 +172,9 @@ class Skeleton:
         return None
 
     def prescribes(self, name: str, phases: range) -> bool:
-        """Whether a pose of an object is given at every step of some phases."""
+        """Whether a world pose of an object is given at every step of some phases."""
         return any(
-            e.frames[0] == name and e.target.ndim == 2 and e.phase0 <= phases.start and phases.stop <= e.phase1
+            e.frames == (name,) and e.target.ndim == 2 and e.phase0 <= phases.start and phases.stop <= e.phase1
             for e in self.of(Symbol.POSE_EQ)
         )
 
