@@ -166,7 +166,7 @@ def test_drawing_back_is_straight_and_free(scene):
     T = scene.bodies["brick"].pose
     ok, q = reachable(task, [contact], T, np.random.default_rng(0))
     assert ok[0]
-    collisions = task.collisions(contact, T)
+    collisions = task.coming_collisions(contact, T)
     path = draw_back(task, ik_problem(task, collisions, Phase.APPROACH), contact, T, q[0])
     base = scene.robots["arm"].base_pose
     heights = [multiply(base, task.arm.end_effector(x))[2] for x in [q[0], *path]]
@@ -201,7 +201,8 @@ def test_what_is_held_moves_no_faster_than_the_model_says(tmp_path):
     rng = np.random.default_rng(2)
     task = manipulation(carry(tmp_path))
     contact = grasp((0, 0, -1), (0, 1, 0), (0.4, 0, 0))  # as if it were long
-    cols = task.collisions(contact, task.scene.bodies["brick"].pose).arrays()
+    T = task.scene.bodies["brick"].pose
+    cols = task.collisions(contact, T, T).arrays()
     held = [s for s in range(len(cols.frame)) if cols.frame[s] == task.tip and cols.speed[s] > 1.0]
     assert len(held) == len(body_set(task.scene.bodies["brick"]))
     chain = task.model.chain
