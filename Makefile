@@ -1,5 +1,6 @@
 # make demo   sets everything up and runs the tunnel task with the whole node graph
 # make test   sets everything up and runs all tests
+# make lint   checks style (ruff) and types (mypy)
 # make bench  measures the optimiser against RAI's, which it installs (needs the system's liblapack3)
 # make bench-startup  measures how long the command and the graph of nodes take to start
 # make setup  only sets up: .venv, with the command .venv/bin/hmap
@@ -36,6 +37,7 @@ bench-startup: setup
 
 lint: $(STAMPS)/dependencies
 	$(VENV)/bin/ruff check .
+	$(VENV)/bin/mypy
 
 $(STAMPS)/dependencies: requirements.lock tools/system_libraries.sh
 	tools/system_libraries.sh $(PYTHON)

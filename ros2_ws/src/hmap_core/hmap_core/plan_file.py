@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from hmap_core.exceptions import Code, InputError
-from hmap_core.scenes.arrays import DECIMALS, PoseVector, Vector, array_of, poses_of, to_lists
+from hmap_core.scenes.arrays import DECIMALS, JointSamples, PoseVector, PoseVectors, Vector, to_lists
 from hmap_core.scenes.json_schema import schema_folder, schema_text
 from hmap_core.scenes.portable import read_json, scene_from_data, scene_to_dict
 from hmap_core.scenes.scene_data import Data, SceneData, parse
@@ -29,9 +29,9 @@ class TrajectoryData(Data):
     """Samples of all robots and movable bodies, as in :class:`hmap_core.types.Trajectory`."""
 
     time: Vector
-    joints: dict[str, array_of(None, None)]
+    joints: dict[str, JointSamples]
     gripper: dict[str, Vector]
-    objects: dict[str, poses_of(None)]
+    objects: dict[str, PoseVectors]
 
     @model_validator(mode="after")
     def _aligned(self) -> "TrajectoryData":
@@ -76,7 +76,7 @@ class PlanDocument(SceneData):
     version: Literal[1]
     trajectory: TrajectoryData
     segments: list[SegmentData]
-    waypoints: poses_of(None)
+    waypoints: PoseVectors
     stats: dict[str, Any] = {}
 
     @model_validator(mode="after")

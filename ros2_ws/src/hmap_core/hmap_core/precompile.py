@@ -5,6 +5,7 @@ It runs the real planner on small jobs of every kind; what numba compiles on the
 
 import sys
 import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from hmap_core.komo.features import joint_position
 from hmap_core.komo.ik import solve_ik
 from hmap_core.komo.objective import ObjectiveType
 from hmap_core.komo.options import IK_OPTIONS
-from hmap_core.komo.skeleton import Skeleton, SkeletonEntry
+from hmap_core.komo.skeleton import Skeleton, SkeletonEntry, Symbol
 from hmap_core.komo.skeleton_problem import SkeletonProblem
 from hmap_core.komo.transcription import KomoProblem
 from hmap_core.komo.workspace import Workspace
@@ -55,7 +56,7 @@ def _motions() -> None:
     start = workspace.scene.robots["panda_1"]
     for ahead in (0.05, 3.0):  # m; the second is out of reach
         there = multiply(multiply(start.base_pose, load_arm(start.model).end_effector(start.q)), pose((0, 0, -ahead)))
-        skeleton = Skeleton([SkeletonEntry(1, 1, "pose_eq", ("panda_1",), there)])
+        skeleton = Skeleton([SkeletonEntry(1, 1, Symbol.POSE_EQ, ("panda_1",), there)])
         problem = SkeletonProblem(skeleton, workspace, steps_per_phase=40)
         n = len(workspace.start)
         problem.add_objective(joint_position(np.zeros(n)), ObjectiveType.SOS, (1.0,), order=1)
@@ -72,12 +73,13 @@ def main() -> int:
     remove_old_caches()
     began = time.monotonic()
     tasks = [(task, lambda task=task: plan(load_scene(task), time_limit=TIME_LIMIT)) for task in TASKS]
-    for name, job in [
+    jobs: list[tuple[str, Callable[[], object]]] = [
         ("a path in space", _spatial_path),
         ("paths on a support", _planar_paths),
         *tasks,
         ("motions from skeletons", _motions),
-    ]:
+    ]
+    for name, job in jobs:
         print(f"compiling for {name} ...", file=sys.stderr, flush=True)
         job()
     print(f"compiled in {time.monotonic() - began:.0f} s", file=sys.stderr)

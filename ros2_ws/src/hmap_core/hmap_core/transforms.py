@@ -61,7 +61,7 @@ def _numbers(array: np.ndarray) -> list[float]:
     return np.asarray(array, float).tolist()
 
 
-def _rotated(q: Sequence, v: Sequence) -> tuple:
+def _rotated(q: Sequence | np.ndarray, v: Sequence | np.ndarray) -> tuple:
     """Rotates the vector v by the unit quaternion q (xyzw). The components are numbers or arrays."""
     x, y, z, w = q
     a, b, c = v
@@ -119,7 +119,7 @@ def quaternion_multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.array(_product(_numbers(a), _numbers(b)))
 
 
-def _product(a: Sequence, b: Sequence) -> tuple:
+def _product(a: Sequence | np.ndarray, b: Sequence | np.ndarray) -> tuple:
     """Hamilton product of two quaternions xyzw. The components are numbers or arrays."""
     ax, ay, az, aw = a
     bx, by, bz, bw = b

@@ -194,6 +194,16 @@ class RobotModel:
     simulation: dict = field(default_factory=dict)  # gains and forces for the simulated controller
     attached: AttachedBody | None = None  # the attached tool, which occupies the gripper
 
+    def require_gripper(self) -> Gripper:
+        """The gripper of a robot that must have one.
+
+        Raises:
+            ValueError: the robot has none.
+        """
+        if self.gripper is None:
+            raise ValueError(f"robot model '{self.name}' has no gripper")
+        return self.gripper
+
 
 @dataclass(frozen=True)
 class Robot:
@@ -325,6 +335,28 @@ class Segment:
     kind: SegmentKind
     contact_pose: np.ndarray | None = None  # T_obj_manipulator (7,)
 
+    @property
+    def contact_object(self) -> str:
+        """The object in contact.
+
+        Raises:
+            ValueError: the segment is a transit.
+        """
+        if self.object is None:
+            raise ValueError(f"the {self.kind} segment of '{self.robot}' at {self.start:.3f} s has no object")
+        return self.object
+
+    @property
+    def T_obj_manipulator(self) -> np.ndarray:
+        """The contact pose (7,) of a segment with contact.
+
+        Raises:
+            ValueError: the segment is a transit.
+        """
+        if self.contact_pose is None:
+            raise ValueError(f"the {self.kind} segment of '{self.robot}' at {self.start:.3f} s has no contact pose")
+        return self.contact_pose
+
 
 @dataclass(frozen=True)
 class Trajectory:
@@ -352,6 +384,16 @@ class JointTrajectory:
     times: np.ndarray
     positions: np.ndarray
     velocities: np.ndarray | None = None
+
+    def require_velocities(self) -> np.ndarray:
+        """The velocities (N, n) of a motion that must have them.
+
+        Raises:
+            ValueError: the motion has none.
+        """
+        if self.velocities is None:
+            raise ValueError(f"the motion of {', '.join(self.names)} has no velocities")
+        return self.velocities
 
 
 @dataclass(frozen=True)

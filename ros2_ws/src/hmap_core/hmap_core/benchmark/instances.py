@@ -1,7 +1,8 @@
 """Motion problems as data: robots, attached objects, and target poses at the end of each phase."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -99,14 +100,15 @@ class Answer:
 
     Attributes:
         claimed: whether the solver reports its result as feasible.
-        path: (T + 1, n) with the start as the first row; None without a result.
+        path: what the judge of the problem expects: (T + 1, n) with the start as the first row, (M, 7) poses, or a list
+            of motions; None without a result.
     """
 
     claimed: bool
-    path: np.ndarray | None = field(default=None, repr=False)
+    path: Any = field(default=None, repr=False)
 
 
-def box(name: str, size: Sequence[float], pose: np.ndarray, kind: BodyKind = BodyKind.FIXED) -> Body:
+def box(name: str, size: Iterable[float], pose: np.ndarray, kind: BodyKind = BodyKind.FIXED) -> Body:
     """A box of full extents (m) at a pose (7,)."""
     return Body(name, kind, (Shape(ShapeKind.BOX, tuple(float(s) for s in size)),), pose)
 

@@ -59,7 +59,13 @@ class Result:
 
     @property
     def ompl_ratio(self) -> float:
-        """OMPL's median time relative to hmap's."""
+        """OMPL's median time relative to hmap's.
+
+        Raises:
+            ValueError: the problem has no side of OMPL.
+        """
+        if self.ompl is None:
+            raise ValueError("the problem has no side of OMPL")
         return self.ompl.median / self.hmap.median
 
     def to_dict(self) -> dict:
@@ -86,7 +92,7 @@ def run(problem: Problem, n: int, progress: Callable[[int], None] = lambda k: No
     """
     result = Result(n, ompl=None if problem.ompl is None else Tally())
     sides = [(problem.hmap, result.hmap), (problem.rai, result.rai)]
-    if problem.ompl is not None:
+    if problem.ompl is not None and result.ompl is not None:
         sides.append((problem.ompl, result.ompl))
     warm = problem.instance(WARM_UP_SEED)
     for side, _ in sides:

@@ -8,6 +8,7 @@ import os
 from dataclasses import dataclass, field
 from functools import lru_cache
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -67,7 +68,7 @@ def robotic() -> ModuleType:
 class Prepared:
     """A Config with the robots, the bodies, and the frames of targets and attached objects."""
 
-    config: object
+    config: Any
 
 
 def prepare(instance: MotionInstance) -> Prepared:
@@ -113,7 +114,7 @@ def _add_panda(ry: ModuleType, C, name: str, robot: Robot, opening: float) -> No
     C.getFrame(f"{name}_panda_base").setRelativePose(wxyz(robot.base_pose))
     for k, limits in enumerate(robot.model.position_limits.T):
         C.getFrame(f"{name}_panda_joint{k + 1}").setJoint(ry.JT.hingeZ, limits=list(limits))
-    C.getFrame(f"{name}_panda_finger_joint1").setJointState(list(robot.model.gripper.joints(opening)[:1]))
+    C.getFrame(f"{name}_panda_finger_joint1").setJointState(list(robot.model.require_gripper().joints(opening)[:1]))
     for finger, side in (("finger1", 1.0), ("finger2", -1.0)):
         C.getFrame(f"{name}_{finger}").setRelativePosition(FINGER * [1.0, side, 1.0])
     C.addFrame(f"{name}_ee", f"{name}_panda_hand_joint").setRelativePose(wxyz(robot.model.T_link_ee))

@@ -4,8 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from hmap_core.benchmark import hmap_side, loop, rai_side, rrt
 from hmap_core.benchmark.instances import Answer
 from hmap_core.benchmark.judge import judge
@@ -41,7 +39,7 @@ class Problem:
     instance: Callable[[int], Any]
     hmap: Side
     rai: Side
-    judge: Callable[[Any, np.ndarray], list[str]]
+    judge: Callable[[Any, Any], list[str]]
     ompl: Side | None = None
 
 

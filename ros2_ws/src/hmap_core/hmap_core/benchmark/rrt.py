@@ -49,10 +49,16 @@ def solve_ompl(problem: ObjectPathProblem, prepared: None) -> Answer:
 
 
 def prepare_rai(problem: ObjectPathProblem):
-    """A Config in which the object hangs on joints: x, y and yaw, or x, y, z and a quaternion."""
+    """A Config in which the object hangs on joints: x, y and yaw, or x, y, z and a quaternion.
+
+    Raises:
+        ValueError: the problem has no bounds.
+    """
     ry = robotic()
     C = ry.Config()
     C.addFrame("world")
+    if problem.bounds is None:
+        raise ValueError("the problem has no bounds")
     lower, upper = problem.bounds
     if problem.motion == "planar":
         limits = [lower[0], lower[1], -np.pi, upper[0], upper[1], np.pi]

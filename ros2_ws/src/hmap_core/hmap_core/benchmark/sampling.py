@@ -76,7 +76,7 @@ def _inverse_kinematics(robot: Robot, T_world_ee: np.ndarray, Q: np.ndarray) -> 
     build = arm.build(robot_data(robot))
     lower, upper = robot.model.position_limits
     target_R, target_p = rigid.matrices(T_world_ee[3:]), T_world_ee[:3]
-    joints = [build.tree.joint_to(j.child) for j in build.moving(build.data.end_effector_link)]
+    joints = build.moving(build.data.end_effector_link)
     for _ in range(IK_ITERATIONS):
         frames, R, p = _frames(build, Q)
         if _reached(R, p, target_R, target_p).all():
@@ -92,7 +92,8 @@ def _inverse_kinematics(robot: Robot, T_world_ee: np.ndarray, Q: np.ndarray) -> 
         A = J @ np.swapaxes(J, 1, 2) + IK_DAMPING**2 * np.eye(6)
         step = (np.swapaxes(J, 1, 2) @ np.linalg.solve(A, error[..., None]))[..., 0]
         Q = np.clip(Q + np.clip(step, -IK_MAX_STEP, IK_MAX_STEP), lower, upper)
-    return Q, _reached(*_frames(build, Q)[1:], target_R, target_p)
+    _, R, p = _frames(build, Q)
+    return Q, _reached(R, p, target_R, target_p)
 
 
 def _reached(R: np.ndarray, p: np.ndarray, target_R: np.ndarray, target_p: np.ndarray) -> np.ndarray:
@@ -160,7 +161,7 @@ def straight_push_is_free(
 def _may_touch(scene: Scene, attachment: Attachment) -> set[frozenset[str]]:
     """The pairs that can touch: the robot's fingers and the object, and the object and fixed bodies."""
     robot, name = scene.robots[attachment.robot], attachment.object
-    pairs = {frozenset((f"{robot.name}/{link}", name)) for link in robot.model.gripper.finger_links}
+    pairs = {frozenset((f"{robot.name}/{link}", name)) for link in robot.model.require_gripper().finger_links}
     return pairs | {frozenset((name, other)) for other in scene.bodies if scene.bodies[other].kind is BodyKind.FIXED}
 
 

@@ -55,8 +55,9 @@ def _sample_instance(seed: int, rng: np.random.Generator, arms: tuple[str, ...])
     robots = [_arm(k, name) for k, name in enumerate(arms)]
     opening = {r.name: 0.0 if r.model.gripper is None else OPENING for r in robots}
     home = {r.name: r.q for r in robots}
-    goals = {r.name: _reaching(r, rng) for r in robots}
-    if any(q is None for q in goals.values()):
+    found = [(r.name, _reaching(r, rng)) for r in robots]
+    goals = {name: q for name, q in found if q is not None}
+    if len(goals) < len(robots):
         return None
     on_table = scene_of("scaling", seed, [table()], robots, Goal(TABLE, pose()))
     if min(clearance(on_table, opening, q, SAFE) for q in (home, goals)) < SAFE:
@@ -113,7 +114,11 @@ def run(instances: int = INSTANCES, progress: Callable[[str], None] = lambda tex
         number of instances with a result reported as feasible, one each per value; and ``instances``, their number.
     """
     standard = {"steps": STANDARD_STEPS, "obstacles": STANDARD_OBSTACLES, "arms": STANDARD_ARMS}
-    axes = {"steps": ("steps", STEPS), "obstacles": ("obstacles", OBSTACLES), "joints": ("arms", ARMS)}
+    axes: dict[str, tuple[str, tuple]] = {
+        "steps": ("steps", STEPS),
+        "obstacles": ("obstacles", OBSTACLES),
+        "joints": ("arms", ARMS),
+    }
     settings = {(axis, v): {**standard, key: v} for axis, (key, values) in axes.items() for v in values}
     results: dict = {name: [] for name in settings}
     for seed in (WARM_UP_SEED, *range(instances)):

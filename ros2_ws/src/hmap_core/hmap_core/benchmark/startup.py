@@ -61,7 +61,7 @@ def _run_once(arguments: Sequence[str], folder: str) -> Start:
         cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     ready, lines = None, []
-    for line in process.stderr:
+    for line in process.stderr or ():
         lines.append(line)
         if graph and ready is None and READY in line:
             ready = time.monotonic() - began

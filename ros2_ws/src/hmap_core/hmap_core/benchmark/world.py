@@ -8,7 +8,7 @@ import numpy as np
 from hmap_core.benchmark.instances import MotionInstance
 from hmap_core.types import Body, Robot, Scene
 from hmap_core.validation.bounds import PartBoxes
-from hmap_core.validation.document import BodyData, Document, GripperData, RobotData, ShapeData
+from hmap_core.validation.document import BodyData, Document, GoalData, GripperData, RobotData, ShapeData
 from hmap_core.validation.geometry import Solid, solid
 from hmap_core.validation.pairs import Pair, PairBuilder
 from hmap_core.validation.world import Part, World
@@ -85,7 +85,7 @@ def motion_world(
         mode=str(scene.mode),
         bodies={name: _body_data(body) for name, body in scene.bodies.items()},
         robots={name: robot_data(robot) for name, robot in scene.robots.items()},
-        goal=None,
+        goal=GoalData(scene.goal.object, scene.goal.pose, scene.goal.position_tolerance, scene.goal.rotation_tolerance),
         time=np.arange(N, dtype=float),
         dt=1.0,
         joints=dict(joints),

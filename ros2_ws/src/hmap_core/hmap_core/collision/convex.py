@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numba as nb
 import numpy as np
@@ -55,7 +56,8 @@ class ConvexSet:
 @lru_cache(maxsize=256)
 def _mesh_vertices(path: Path) -> np.ndarray:
     def compute() -> tuple[np.ndarray]:
-        points = np.asarray(trimesh.load(path, force="mesh").vertices, float)
+        mesh: Any = trimesh.load(path, force="mesh")  # declared without the attributes of a mesh
+        points = np.asarray(mesh.vertices, float)
         return (points[ConvexHull(points).vertices],)
 
     try:

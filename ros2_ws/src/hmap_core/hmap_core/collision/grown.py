@@ -1,10 +1,10 @@
 """Collision models that extend another model; only the additions are packed for the compiled code."""
 
-from collections.abc import Sequence
 from functools import cached_property
 from itertools import accumulate
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hmap_core.collision.scene_model import LEAST_SPEED, CollisionModel, Collisions
 
@@ -44,12 +44,12 @@ class GrownModel(CollisionModel):
     def _pack(self) -> Collisions:
         base, S, P = self._base.packed, len(self._base.hulls), len(self._base.pairs)
         vertices, radius, center, bound, edges = _columns(self.hulls[S:], 5)
-        a, b, min_distance, phases = _columns(self.pairs[P:], 4)
+        first, second, min_distance, phases = _columns(self.pairs[P:], 4)
         points, start = np.concatenate([base.vertices, *vertices]), _ends(base.vertices, vertices)
         low, high = (f.reduceat(points, start[:-1]) for f in (np.minimum, np.maximum))
         swept = np.array(radius, float)[:, None]
         speed = _longer(base.speed, self.speeds[S:])
-        a, b = np.array(a, np.int64), np.array(b, np.int64)
+        a, b = np.array(first, np.int64), np.array(second, np.int64)
         return Collisions(
             points,
             _longer(base.start, start[1:]),
@@ -79,6 +79,6 @@ def _ends(array: np.ndarray, added: tuple[np.ndarray, ...]) -> np.ndarray:
     return np.array([*accumulate(map(len, added), initial=len(array))], np.int64)
 
 
-def _longer(array: np.ndarray, rows: Sequence) -> np.ndarray:
+def _longer(array: np.ndarray, rows: ArrayLike) -> np.ndarray:
     """Appends rows to an array."""
     return np.concatenate([array, np.array(rows, array.dtype).reshape(-1, *array.shape[1:])])

@@ -106,14 +106,14 @@ class CollisionModel:
 
     def arrays(self) -> Collisions:
         """Packs the model for the compiled code."""
-        vertices, radius, center, bound, edges = zip(*self.hulls, strict=True) if self.hulls else ((),) * 5
+        vertices, radii, center, bound, edges = zip(*self.hulls, strict=True) if self.hulls else ((),) * 5
         sizes = [len(v) for v in vertices]
         points = np.concatenate([np.zeros((0, 3)), *vertices])
         start = np.cumsum([0, *sizes]).astype(np.int64)
-        radius = np.array(radius, float)
+        radius = np.array(radii, float)
         low, high = (f.reduceat(points, start[:-1]) if sizes else points for f in (np.minimum, np.maximum))
-        a, b, min_distance, phases = zip(*self.pairs, strict=True) if self.pairs else ((),) * 4
-        a, b, speed = np.array(a, np.int64), np.array(b, np.int64), np.array(self.speeds, float)
+        first, second, min_distance, phases = zip(*self.pairs, strict=True) if self.pairs else ((),) * 4
+        a, b, speed = np.array(first, np.int64), np.array(second, np.int64), np.array(self.speeds, float)
         return Collisions(
             points, start, radius, np.array(center, float).reshape(-1, 3), np.array(bound, float),
             low - radius[:, None], high + radius[:, None], np.array(self.frames, np.int64),

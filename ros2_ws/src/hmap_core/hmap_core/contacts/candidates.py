@@ -36,6 +36,26 @@ class Hand:
     palm_clearance: float = PALM_CLEARANCE
     closed: float = 0.0
 
+    def require_gripper(self) -> Gripper:
+        """The gripper of a hand that grasps.
+
+        Raises:
+            ValueError: the hand has none.
+        """
+        if self.gripper is None:
+            raise ValueError("the hand has no gripper that could grasp")
+        return self.gripper
+
+    def require_attached(self) -> AttachedBody:
+        """The body in the fingers.
+
+        Raises:
+            ValueError: there is none.
+        """
+        if self.attached is None:
+            raise ValueError("the hand has no attached body")
+        return self.attached
+
     def friction(self, object_friction: float) -> float:
         """Lateral Coulomb coefficient of its touch on an object with this one."""
         return object_friction if self.attached is None else min(object_friction, self.attached.friction)

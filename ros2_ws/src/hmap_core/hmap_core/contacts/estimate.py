@@ -88,14 +88,13 @@ def _box(points: np.ndarray, floor: float) -> tuple[Shape, np.ndarray]:
     """The upright box with the smallest base area around the points."""
     low, high = np.percentile(points[:, 2], [OUTLIERS, 100.0 - OUTLIERS])
     low = floor if np.isfinite(floor) and floor < high else low
-    best = None
+    found = []
     for yaw in np.arange(YAWS) * (np.pi / 2.0 / YAWS):
         c, s = np.cos(yaw), np.sin(yaw)
         across = points[:, :2] @ np.array([[c, -s], [s, c]])
         a, b = np.percentile(across, [OUTLIERS, 100.0 - OUTLIERS], axis=0)
-        if best is None or np.prod(b - a) < best[0]:
-            best = np.prod(b - a), yaw, a, b
-    _, yaw, a, b = best
+        found.append((yaw, a, b))
+    yaw, a, b = min(found, key=lambda base: float(np.prod(base[2] - base[1])))
     c, s = np.cos(yaw), np.sin(yaw)
     middle = np.array([[c, -s], [s, c]]) @ (0.5 * (a + b))
     size = np.array([*(b - a), high - low]) + 2.0 * MIN_DISTANCE

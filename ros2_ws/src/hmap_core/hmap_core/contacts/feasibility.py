@@ -129,9 +129,9 @@ def _bounds(
     within = np.where(near.all(axis=1), len(places), near.argmin(axis=1))
     bound = np.full(len(contacts), -1)
     possible = np.flatnonzero(within > 0)
-    for own in alike([contacts[k] for k in possible]):
+    for own in alike([contacts[k] for k in possible.tolist()]):
         members = possible[own]
-        first = contacts[members[0]]
+        first = contacts[int(members[0])]
         at_start = manipulation.coming_collisions(first, object_poses[0]).arrays()
         on_path = manipulation.surroundings(first).arrays()
         frames = np.array([contacts[k].T_obj_ee for k in members])
@@ -144,7 +144,7 @@ def _bounds(
         bound[members] = np.where(place >= 0, limit[np.minimum(place, within[members] - 1)], -1)
     scene = manipulation.scene
     hand = hand_of(scene.robots[manipulation.robot])
-    return np.minimum(bound, push_reach(scene.bodies[manipulation.object], hand, contacts, object_poses))
+    return np.minimum(bound, push_reach(scene.bodies[manipulation.handled], hand, contacts, object_poses))
 
 
 def coarse(M: int) -> np.ndarray:

@@ -59,7 +59,7 @@ def antipodal(cloud: Cloud, own: Solids, hand: Hand, friction: float) -> tuple[n
     """
     width, far = across(cloud.points, cloud.normals, *own.arrays)
     opposite = -np.einsum("ij,ij->i", far, cloud.normals) >= np.cos(np.arctan(friction))
-    gripper = hand.gripper
+    gripper = hand.require_gripper()
     fits = (width >= max(gripper.min_opening, 2 * WIDTH_CLEARANCE)) & (width <= gripper.max_opening - WIDTH_CLEARANCE)
     return opposite & fits, width
 
@@ -104,7 +104,7 @@ def grasps(
     above = depth_below(middle, np.ascontiguousarray(-z), *own.arrays)
     over = above - hand.palm_clearance
     shallower = np.maximum(over, 0.0)
-    keep = shallower <= SHALLOWEST * hand.gripper.tip_offset
+    keep = shallower <= SHALLOWEST * hand.require_gripper().tip_offset
     origin = middle - z * shallower[:, None]
     score = (
         scoring.W_CENTRAL * scoring.central(middle, centre, radius)
@@ -115,4 +115,5 @@ def grasps(
     )
     approach = np.tile([0.0, 0.0, 1.0], (len(points), 1))
     poses = HandPoses(R, origin, width, approach)[keep]
-    return Candidates(ContactKind.GRASP, *(a[keep] for a in (z, points, normals, score)), poses.__getitem__)
+    z, points, normals, score = (a[keep] for a in (z, points, normals, score))
+    return Candidates(ContactKind.GRASP, z, points, normals, score, poses.__getitem__)

@@ -43,7 +43,7 @@ def _palm(arm: Arm) -> float:
     Infinite if no part of the hand can touch an object between the pads.
     """
     if id(arm) not in _PALMS:  # keeps the arm alive, so that no other arm gets its id
-        gripper = arm.model.gripper
+        gripper = arm.model.require_gripper()
         openings = np.linspace(gripper.min_opening, gripper.max_opening, OPENINGS)
         nearest = min(gripper.reach_at(opening) - _foremost(arm, opening) for opening in openings)
         _PALMS[id(arm)] = arm, PALM_STEP * np.floor(np.round(nearest / PALM_STEP, 3))

@@ -307,9 +307,10 @@ def _attached_poses(slide: SlidingBody, cloud: Cloud, twists: np.ndarray, hand: 
     At the moved points the facet's middle is on the force's line of action, as far as the face allows, and no part of
     the attached body is nearer to the support than ATTACHED_CLEARANCE.
     """
-    own_up = rotation_matrix(hand.attached.T_ee_body) @ hand.attached.up
+    attached = hand.require_attached()
+    own_up = rotation_matrix(attached.T_ee_body) @ attached.up
     even = slide.balanced(cloud, twists)
-    for facet in attached_facets(hand.attached):
+    for facet in attached_facets(attached):
         for own, share, count in ((cloud, MIDDLE, PER_FACET), (even, 1.0, HEIGHTS)):
             R, origin, upright, index = facet_poses(facet, own_up, own.points, own.normals, slide.up, rng, share, count)
             points = own.points[index]

@@ -171,7 +171,8 @@ class PushPlanner:
         side_cost = np.ones(len(self.sides)) if rng is None else rng.uniform(1.0, SIDE_COST_FACTOR, len(self.sides))
         nodes = self._nodes(poses)
         states = [self._state(T) for T in nodes]
-        order, queue, before = count(), [(0.0, 0, 0, -1, ())], {}
+        order, before = count(), {}
+        queue: list[tuple[float, int, int, int, tuple[Leg, ...]]] = [(0.0, 0, 0, -1, ())]
         while queue:
             cost, _, at, source, legs = heapq.heappop(queue)
             if at in before or (legs and not self._free(states[source], legs)):

@@ -111,9 +111,8 @@ def sample_contacts(
     which, index = scoring.ordered(sets)
     for first in range(0, len(which), batch):
         part = slice(first, first + batch)
-        made: list[ContactPoint | None] = [None] * len(which[part])
+        made: dict[int, ContactPoint] = {}
         for k, candidate_set in enumerate(sets):
             places = np.flatnonzero(which[part] == k)
-            for place, contact in zip(places, candidate_set.contacts(index[part][places]), strict=True):
-                made[place] = contact
-        yield made
+            made |= zip(places.tolist(), candidate_set.contacts(index[part][places]), strict=True)
+        yield [made[place] for place in range(len(made))]

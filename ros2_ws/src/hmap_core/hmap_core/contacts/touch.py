@@ -69,9 +69,10 @@ def _finger_poses(cloud: Cloud, up: np.ndarray, hand: Hand, rng: np.random.Gener
 
 def _attached_poses(cloud: Cloud, up: np.ndarray, hand: Hand, rng: np.random.Generator):
     """Touches of the attached body's facets; as :func:`_finger_poses`, with scores for how upright the body is."""
-    own_up = rotation_matrix(hand.attached.T_ee_body) @ hand.attached.up
+    attached = hand.require_attached()
+    own_up = rotation_matrix(attached.T_ee_body) @ attached.up
     found = []
-    for facet in attached_facets(hand.attached):
+    for facet in attached_facets(attached):
         R, origin, upright, index = facet_poses(facet, own_up, cloud.points, cloud.normals, up, rng)
         found.append((R, origin, index, scoring.W_UPRIGHT * upright))
     R, origin, index, upright = (np.concatenate(a) for a in zip(*found, strict=True))

@@ -1,6 +1,6 @@
 """Figure of the results of a benchmark."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,7 @@ from hmap_core.evaluation.trial import TrialResult
 JITTER = 0.12  # vertical spread of the points of a task, relative to the distance between two tasks
 
 
-def draw(results: dict[str, Sequence[TrialResult]], file: Path) -> None:
+def draw(results: Mapping[str, Sequence[TrialResult]], file: Path) -> None:
     """Draws the planning times of valid plans and the rates of valid and solved trials, for each task.
 
     Args:

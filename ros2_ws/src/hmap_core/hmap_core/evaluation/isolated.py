@@ -10,6 +10,7 @@ import tempfile
 import threading
 from collections.abc import Sequence
 from dataclasses import asdict
+from typing import IO
 
 from hmap_core.evaluation.trial import Trial, TrialResult
 
@@ -44,20 +45,19 @@ class Worker:
         Returns:
             The result; its ``reason`` says whether the process crashed or was killed.
         """
-        if self._process is None:
-            self._start()
-        process = self._process
+        process = self._process or self._start()
+        requests, answers = _pipes(process)
         try:
-            process.stdin.write(json.dumps(asdict(trial)).encode() + b"\n")
-            process.stdin.flush()
+            requests.write(json.dumps(asdict(trial)).encode() + b"\n")
+            requests.flush()
         except BrokenPipeError:
-            return self._lost(trial)
-        if not select.select([process.stdout], [], [], limit)[0]:
+            return self._lost(trial, process)
+        if not select.select([answers], [], [], limit)[0]:
             self.close()
             return TrialResult(trial.seed, reason=f"ended after {limit:g} s without a result")
-        answer = process.stdout.readline()
+        answer = answers.readline()
         if not answer.endswith(b"\n"):
-            return self._lost(trial)
+            return self._lost(trial, process)
         return TrialResult(**json.loads(answer))
 
     def close(self) -> None:
@@ -67,19 +67,20 @@ class Worker:
             self._process.communicate()
             self._process = None
 
-    def _start(self) -> None:
+    def _start(self) -> subprocess.Popen:
         self._errors.seek(0)
         self._errors.truncate()
-        self._process = subprocess.Popen(
+        process = self._process = subprocess.Popen(
             self.command,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
             env=os.environ | {name: "1" for name in ONE_THREAD},
         )
+        return process
 
-    def _lost(self, trial: Trial) -> TrialResult:
-        process, self._process = self._process, None
+    def _lost(self, trial: Trial, process: subprocess.Popen) -> TrialResult:
+        self._process = None
         process.communicate()
         code = process.returncode
         how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
@@ -88,6 +89,13 @@ class Worker:
         fatal = [line for line in lines if line.startswith("Fatal Python error")] or lines
         last = f": {fatal[-1].strip()[:MAX_SHOWN]}" if fatal else ""
         return TrialResult(trial.seed, reason=f"the process of the trial ended with {how}{last}")
+
+
+def _pipes(process: subprocess.Popen) -> tuple[IO[bytes], IO[bytes]]:
+    """Standard input and output of a worker process."""
+    if process.stdin is None or process.stdout is None:
+        raise ValueError("the worker process has no pipes")
+    return process.stdin, process.stdout
 
 
 _workers = threading.local()  # one worker for each thread

@@ -5,6 +5,7 @@ import gc
 import json
 import time
 from dataclasses import asdict, replace
+from typing import Any
 
 from hmap_core import planner
 from hmap_core.evaluation.replanning import replanner
@@ -64,7 +65,7 @@ def _run(trial: Trial) -> TrialResult:
 
 
 def _planned(trial: Trial, plan: Plan, cpu_s: float) -> TrialResult:
-    counts = {key: plan.stats.get(key) for key in ("waypoints", "contact_tries", "mode_switches")}
+    counts: dict[str, Any] = {key: plan.stats.get(key) for key in ("waypoints", "contact_tries", "mode_switches")}
     return TrialResult(
         trial.seed, planning_s=plan.stats["planning_time_s"], cpu_s=cpu_s, segments=len(plan.segments),
         duration_s=float(plan.trajectory.time[-1]), **counts,

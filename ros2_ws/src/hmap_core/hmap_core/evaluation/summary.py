@@ -1,6 +1,6 @@
 """Summary of trials: statistics for each task, as a table and as JSON."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,7 +39,7 @@ class TaskSummary:
     @property
     def planning_times(self) -> list[float]:
         """Planning times of the trials with a valid plan, s."""
-        return [trial.planning_s for trial in self.trials if trial.valid]
+        return [trial.planning_s for trial in self.trials if trial.valid and trial.planning_s is not None]
 
     def percentile(self, key: str, percent: float) -> float | None:
         """Percentile of a number of the trials with a valid plan.
@@ -69,7 +69,7 @@ class TaskSummary:
         }
 
 
-def to_dict(results: dict[str, Sequence[TrialResult]]) -> dict:
+def to_dict(results: Mapping[str, Sequence[TrialResult]]) -> dict:
     """The document that ``hmap bench tasks --json`` writes.
 
     Args:
@@ -78,7 +78,7 @@ def to_dict(results: dict[str, Sequence[TrialResult]]) -> dict:
     return {"tasks": {name: TaskSummary(tuple(trials)).to_dict() for name, trials in results.items()}}
 
 
-def table(results: dict[str, Sequence[TrialResult]]) -> list[str]:
+def table(results: Mapping[str, Sequence[TrialResult]]) -> list[str]:
     """The results as an aligned text table: times in seconds (``cpu``: median), medians of counts, sum of replans.
 
     Args:
@@ -92,7 +92,7 @@ def table(results: dict[str, Sequence[TrialResult]]) -> list[str]:
     return [row[0].ljust(first) + "".join(c.rjust(w) for c, w in zip(row[1:], WIDTHS[1:], strict=True)) for row in rows]
 
 
-def markdown(results: dict[str, Sequence[TrialResult]]) -> list[str]:
+def markdown(results: Mapping[str, Sequence[TrialResult]]) -> list[str]:
     """The same table in Markdown.
 
     Args:

@@ -37,14 +37,14 @@ def run_trials(
     """
     from joblib import Parallel, delayed  # slow to import, and needed by benchmarks only
 
-    results: list[TrialResult | None] = [None] * len(trials)
+    results: dict[int, TrialResult] = {}
     with _backend(dask):
         parallel = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
         for k, result in parallel(delayed(_numbered)(k, trial, command) for k, trial in enumerate(trials)):
             results[k] = result
             if on_result:
                 on_result(trials[k], result)
-    return results
+    return [results[k] for k in range(len(trials))]
 
 
 def task_names(tasks: Sequence[str] = (), published: bool = False) -> list[str]:

@@ -56,7 +56,7 @@ def halt(plan: Plan, stretch: Stretch, at: float) -> Halt:
 def _curve(plan: Plan, robot: str, stretch: Stretch) -> CubicSpline:
     """The motion that the robot's controller follows: joint positions (n,) at seconds from the start of the stretch."""
     motion = joint_trajectory(plan, robot, stretch)
-    return CubicSpline(motion.times, motion.positions, motion.velocities)
+    return CubicSpline(motion.times, motion.positions, motion.require_velocities())
 
 
 def _slowed(curve: CubicSpline, at: float, duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

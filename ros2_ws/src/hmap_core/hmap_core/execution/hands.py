@@ -50,7 +50,7 @@ class Hands:
         """
         measured, planned = self._ports.observation.settled(), state_at(plan, sample)
         planned.q.update({robot: q for robot, q in self._commanded.items() if robot in planned.q})
-        return without_noise(self._ports.observation.scene(), measured, planned)
+        return without_noise(self._ports.scene(), measured, planned)
 
     def send(self, robot: Robot, motion: JointTrajectory, start: float | None = None) -> Command:
         """Send an arm along a motion; arguments and exceptions as in :meth:`ControllerPort.move`."""

@@ -134,7 +134,7 @@ class ObstacleMonitor:
             self._go_back(robot, sample, at)
             at = float(time[sample])
         state = self._hands.start_state(plan, sample)
-        opening, motion = release(self._ports.observation.scene(), state, plan, contact)
+        opening, motion = release(self._ports.scene(), state, plan, contact)
         self._hands.open(robot, opening)
         self._hands.move(robot, motion)
         return at
@@ -151,7 +151,7 @@ class ObstacleMonitor:
     def _free_sample(self, contact: PlannedContact, at: float) -> int:
         """The last sample on the way to a contact, up to ``at`` (s), before the way comes too near to a new body."""
         plan, time = self._plan, self._plan.trajectory.time
-        new = unknown_bodies(plan, self._ports.observation.scene().bodies)
+        new = unknown_bodies(plan, self._ports.scene().bodies)
         conflict = first_conflict(plan, new, float(time[contact.first]), at)
         until = at if conflict is None else conflict.time - BACK_OFF
         return max(contact.first, index_at(time, until))
@@ -166,5 +166,5 @@ def with_stop(plan: Plan, robot: str, stretch: Stretch, stopping: Halt) -> Joint
     planned, stop = joint_trajectory(plan, robot, stretch), stopping.motions[robot]
     rows = planned.times < stop.times[0] - SAME_TIME
     parts = [(planned.times[rows], stop.times), (planned.positions[rows], stop.positions)]
-    parts.append((planned.velocities[rows], stop.velocities))
+    parts.append((planned.require_velocities()[rows], stop.require_velocities()))
     return JointTrajectory(planned.names, *(np.concatenate(pair) for pair in parts))

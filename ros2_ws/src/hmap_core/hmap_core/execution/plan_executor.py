@@ -149,7 +149,7 @@ class PlanExecutor:
         return new
 
     def _report(
-        self, following: Following, failure: ExecutionError, began: float, policy: RecoveryPolicy
+        self, following: Following, failure: ExecutionError | None, began: float, policy: RecoveryPolicy
     ) -> ExecutionReport:
         """The report on a plan that was not followed to its end; a drift alone is no failure."""
         return following.report(began, policy.strict, None if isinstance(failure, Drifted) else failure)
@@ -157,8 +157,10 @@ class PlanExecutor:
     def _kept_tools(self, following: Following) -> dict[str, ToolGrasp]:
         """The tool that stays attached: if it is the only thing in hands, and held as planned."""
         plan, sample = following.plan, following.sample
-        grasps = {robot: self._tool_grasp(plan, sample, robot, body) for robot, body in self._hands.held.items()}
-        if len(grasps) != 1 or None in grasps.values():
+        held = self._hands.held
+        found = [(robot, self._tool_grasp(plan, sample, robot, body)) for robot, body in held.items()]
+        grasps = {robot: grasp for robot, grasp in found if grasp is not None}
+        if len(held) != 1 or len(grasps) != 1:
             return {}
         planned, poses = poses_at(plan, sample), self._ports.observation.state().poses
         slipped = drift_reason({grasp.tool: planned[grasp.tool] for grasp in grasps.values()}, poses, SLIP)
@@ -188,7 +190,7 @@ class PlanExecutor:
             found = True
             try:
                 state = self._hands.start_state(plan, sample)
-                self._place(plan_place(self._ports.observation.scene(), state, grasp, 0, PLACE_LIMIT))
+                self._place(plan_place(self._ports.scene(), state, grasp, 0, PLACE_LIMIT))
             except (MotionError, ExecutionError):
                 self._hands.open(plan.scene.robots[robot])
         return found

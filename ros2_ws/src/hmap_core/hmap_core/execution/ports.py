@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
+from hmap_core.exceptions import Code, InputError
 from hmap_core.types import JointTrajectory, Robot, Scene, SceneState
 
 Canceled = Callable[[], bool]  # asked while waiting; true ends the waiting and stops the motion
@@ -152,3 +153,14 @@ class Ports:
     controllers: ControllerPort
     observation: ObservationPort
     clock: ClockPort
+
+    def scene(self) -> Scene:
+        """The scene with every body that is known now, see :meth:`ObservationPort.scene`.
+
+        Raises:
+            InputError: STALE_STATE; there is none yet.
+        """
+        scene = self.observation.scene()
+        if scene is None:
+            raise InputError("no scene has been observed yet", Code.STALE_STATE)
+        return scene

@@ -158,11 +158,13 @@ class Recovery:
         blocked: tuple[Plan, float] | None,
     ) -> Plan:
         observation = self._ports.observation
-        scene = replace(observation.scene(), goal=plan.scene.goal)
+        scene = replace(self._ports.scene(), goal=plan.scene.goal)
         request = ReplanRequest(
             scene, state, len(self.replans) + 1, failure.reason, tuple(tools), blocked, observation.changed()
         )
         at, began, problem = self._ports.clock.now() - self._began, time.monotonic(), ""
+        if self._replan is None:
+            raise ValueError("nothing makes new plans")
         try:
             found = self._replan(request)
         except HmapError as error:

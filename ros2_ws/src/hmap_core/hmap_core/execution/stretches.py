@@ -86,7 +86,7 @@ def _stretch(plan: Plan, first: int, last: int) -> Stretch:
     active = [s for s in plan.segments if s.start <= middle <= s.end]
     held = {s.robot: body for s in active if (body := _held_body(plan, s)) is not None}
     label = ", ".join(f"{s.robot}: {s.kind} {s.object or ''}".rstrip() for s in active)
-    touched = tuple(s.object for s in active if s.kind is not SegmentKind.TRANSIT)
+    touched = tuple(s.contact_object for s in active if s.kind is not SegmentKind.TRANSIT)
     ended = last == len(time) - 1 or any(index_at(time, s.end) == last for s in active)
     tools = {tool for s in active if (tool := held_tool(plan, s)) is not None}
     apart = ended and tools.issuperset(held.values()) and tools.issuperset(touched)

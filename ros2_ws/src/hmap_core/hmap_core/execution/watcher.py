@@ -115,8 +115,8 @@ class Watcher:
             first, last = (index_at(self._plan.trajectory.time, t) for t in (segment.start, segment.end))
             if segment.kind is SegmentKind.TRANSIT or not (first in self._marks and last in self._marks):
                 continue
-            ends = self._marks[first][segment.object], self._marks[last][segment.object]
-            found.append(SegmentDrift(index, segment.kind, segment.robot, segment.object, *ends))
+            ends = self._marks[first][segment.contact_object], self._marks[last][segment.contact_object]
+            found.append(SegmentDrift(index, segment.kind, segment.robot, segment.contact_object, *ends))
         return tuple(found)
 
     def _lost(self, sample: int, state: SceneState) -> str:

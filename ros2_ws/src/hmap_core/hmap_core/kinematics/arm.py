@@ -63,9 +63,15 @@ class LinkHull:
         return self.vertices if self.motion is None else self.motion.moved(self.vertices, opening)
 
     def extent(self, gripper: Gripper | None) -> float:
-        """Bound on the distance of its points from the origin of its frame over all openings, m."""
+        """Bound on the distance of its points from the origin of its frame over all openings, m.
+
+        Raises:
+            ValueError: it moves with the opening, and there is no gripper.
+        """
         if self.motion is None:
             return float(np.linalg.norm(self.vertices, axis=1).max() + self.radius)
+        if gripper is None:
+            raise ValueError(f"link '{self.link}' moves with a gripper, and none is given")
         return self.motion.extent(self.vertices, self.radius, gripper)
 
 
@@ -269,7 +275,8 @@ def _link_frames(urdf: Urdf, model: RobotModel) -> tuple[dict[str, _LinkMount], 
     fixed: dict[str, np.ndarray] = {}
     placed = {}
     for link in urdf.hulls:
-        frame, T, own = 0, np.eye(4), []
+        frame, T = 0, np.eye(4)
+        own: list[LinkageStep] = []
         for joint in urdf.tree.path(link):
             T = T @ to_matrix(joint.T_parent_joint)
             if joint.name in model.joint_names:
@@ -307,17 +314,17 @@ def _step(urdf: Urdf, gripper: Gripper | None, joint: UrdfJoint, T: np.ndarray) 
 
 def _mount(gripper: Gripper | None, frame: int, steps: list[LinkageStep], T: np.ndarray) -> _LinkMount:
     """Mounting of a link after some gripper joints and a fixed transform T (4, 4)."""
-    if not steps:
+    if gripper is None or not steps:
         return _LinkMount(frame, T, None)
     return _LinkMount(frame, steps_frame(gripper, steps, closed_opening(gripper)) @ T, finger_motion(gripper, steps))
 
 
 def _self_pairs(hulls: list[LinkHull], ignored: Iterable[tuple[str, str]]) -> np.ndarray:
-    ignored = {frozenset(pair) for pair in ignored}
+    kept_out = {frozenset(pair) for pair in ignored}
     pairs = [
         (i, j)
         for (i, a), (j, b) in combinations(enumerate(hulls), 2)
-        if a.frame != b.frame and frozenset((a.link, b.link)) not in ignored
+        if a.frame != b.frame and frozenset((a.link, b.link)) not in kept_out
     ]
     return np.array(pairs, np.int64).reshape(-1, 2)
 
@@ -379,11 +386,13 @@ def _check_widening(arm: Arm) -> None:
     if gripper is None:
         return
     ends = np.array([gripper.min_opening, gripper.open_opening])
-    gaps = [arm.finger_gap(opening) for opening in ends]
-    if None not in gaps and abs(np.ptp(gaps) / np.ptp(ends) - 1.0) > WIDENING_TOLERANCE:
+    closed, opened = (arm.finger_gap(opening) for opening in ends)
+    if closed is None or opened is None:
+        return
+    if abs(abs(opened - closed) / np.ptp(ends) - 1.0) > WIDENING_TOLERANCE:
         raise InputError(
             f"robot '{arm.model.name}': from gripper.min_opening to open_opening, {np.ptp(ends):.4f} m, the gap of "
-            f"finger_links grows by {gaps[1] - gaps[0]:.4f} m in the URDF; it has to be the same, see per_joint",
+            f"finger_links grows by {opened - closed:.4f} m in the URDF; it has to be the same, see per_joint",
             Code.INVALID_SCENE,
         )
 
@@ -430,7 +439,7 @@ def load_arm(model: RobotModel) -> Arm:
         InputError: INVALID_SCENE; the URDF cannot be read or does not match the model.
     """
     gripper, body = model.gripper, model.attached
-    key = (model.name, model.urdf, model.joint_names, model.ignored_collisions, model.end_effector_link)
+    key: tuple = (model.name, model.urdf, model.joint_names, model.ignored_collisions, model.end_effector_link)
     key += (model.T_link_ee.tobytes(), gripper)
     if key not in _ARMS:
         _ARMS[key] = build_arm(model)

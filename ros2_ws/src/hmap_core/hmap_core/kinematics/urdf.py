@@ -9,7 +9,7 @@ import numpy as np
 
 from hmap_core.collision.convex import hull_vertices
 from hmap_core.exceptions import Code, InputError
-from hmap_core.scenes.urdf import JointTree, joint_tree, mesh_path, numbers, origin
+from hmap_core.scenes.urdf import JointTree, attribute, child, joint_tree, mesh_path, numbers, origin
 from hmap_core.types import Shape, ShapeKind
 
 
@@ -28,17 +28,18 @@ class Urdf:
 
 
 def _shape(file: Path, collision: ElementTree.Element) -> Shape:
-    geometry = collision.find("geometry")[0]
+    geometry = child(collision, "geometry")[0]
     pose = origin(collision)
     if geometry.tag == "box":
         return Shape(ShapeKind.BOX, tuple(numbers(geometry.get("size"), [])), pose)
     if geometry.tag == "sphere":
-        return Shape(ShapeKind.SPHERE, (float(geometry.get("radius")),), pose)
+        return Shape(ShapeKind.SPHERE, (float(attribute(geometry, "radius")),), pose)
     if geometry.tag in ("cylinder", "capsule"):
-        return Shape(ShapeKind(geometry.tag), (float(geometry.get("radius")), float(geometry.get("length"))), pose)
+        size = float(attribute(geometry, "radius")), float(attribute(geometry, "length"))
+        return Shape(ShapeKind(geometry.tag), size, pose)
     if geometry.tag == "mesh":
         scale = tuple(numbers(geometry.get("scale"), [1, 1, 1]))
-        return Shape(ShapeKind.MESH, scale, pose, mesh_path(file, geometry.get("filename")))
+        return Shape(ShapeKind.MESH, scale, pose, mesh_path(file, attribute(geometry, "filename")))
     raise InputError(
         f"'{file}': collision geometry <{geometry.tag}> is not known; use box, sphere, cylinder, capsule or mesh",
         Code.INVALID_SCENE,
@@ -63,7 +64,7 @@ def load_urdf(file: Path) -> Urdf:
     except (OSError, ElementTree.ParseError) as error:
         raise InputError(f"URDF '{file}' cannot be read: {error}", Code.INVALID_SCENE) from error
     hulls = {
-        link.get("name"): [hull_vertices(_shape(file, c)) for c in link.findall("collision")]
+        attribute(link, "name"): [hull_vertices(_shape(file, c)) for c in link.findall("collision")]
         for link in root.findall("link")
     }
     return Urdf(joint_tree(root), hulls)

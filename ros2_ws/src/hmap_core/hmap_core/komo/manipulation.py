@@ -71,6 +71,17 @@ class Manipulation:
         self._near: dict[tuple, CollisionModel] = {}
         self._ik: dict[Phase, SkeletonProblem] = {}
 
+    @property
+    def handled(self) -> str:
+        """Name of the object that the robot handles.
+
+        Raises:
+            ValueError: the robot only moves.
+        """
+        if self.object is None:
+            raise ValueError(f"'{self.robot}' handles no object")
+        return self.object
+
     def target(self, T_world_ee: np.ndarray) -> np.ndarray:
         """Parameters of the relative_pose feature that bring the end-effector to a world pose (7,)."""
         return pose_params(self.T_tip_ee, T_world_ee)
@@ -91,7 +102,7 @@ class Manipulation:
             T_start: (7,) where the object stands at the start; by default as in the state.
             collisions: what keeps apart, where that is known already; by default it follows from the modes.
         """
-        start = {} if T_start is None else {self.object: T_start}
+        start = {} if T_start is None else {self.handled: T_start}
         return SkeletonProblem(skeleton, self.workspace, steps_per_phase, options, start, collisions)
 
     def ik_problem(self, collisions: CollisionModel, phase: Phase) -> SkeletonProblem:
@@ -139,5 +150,5 @@ class Manipulation:
         return self._near[key]
 
     def _clearances(self, contact: ContactPoint, T_start: np.ndarray, T_end: np.ndarray) -> Clearances:
-        skeleton = mode_skeleton(self.robot, self.object, contact, np.array([T_start, T_end]))
-        return Clearances(Timeline(skeleton, self.workspace, {self.object: T_start}))
+        skeleton = mode_skeleton(self.robot, self.handled, contact, np.array([T_start, T_end]))
+        return Clearances(Timeline(skeleton, self.workspace, {self.handled: T_start}))

@@ -47,7 +47,8 @@ class SkeletonProblem(KomoProblem):
         start: Mapping[str, np.ndarray] = MappingProxyType({}),
         collisions: CollisionModel | None = None,
     ):
-        steps = (steps_per_phase,) * skeleton.phases if np.isscalar(steps_per_phase) else tuple(steps_per_phase)
+        each = steps_per_phase if isinstance(steps_per_phase, Iterable) else [steps_per_phase] * skeleton.phases
+        steps = tuple(each)
         begin = int(np.ceil(min(entry.phase0 for entry in skeleton.entries))) - 1  # phase of the first entry
         if len(steps) != skeleton.phases or min(steps[:begin], default=0) < 0 or min(steps[max(begin, 0) :]) < 1:
             raise InputError(f"steps_per_phase {steps}: the skeleton has {skeleton.phases} phases, of 1 step or more")

@@ -170,7 +170,8 @@ def _add_gripper(
     """Adds fingers and linkage of a moving arm once for each opening, and their pairs that keep apart."""
     arm = chain.arms[name].arm
     hulls = [i for i, number in enumerate(shapes.by_hull) if number is None]
-    fingers, linkage = [], []
+    fingers: list[Part] = []
+    linkage: list[Part] = []
     for opening, phases in openings if hulls else ():
         own = {}
         for i in hulls:

@@ -131,10 +131,10 @@ class Timeline:
         released = self.skeleton.stable_on(name, phase - 1)
         if released is None:
             return self.place(name, phase - 1)
-        T = self._released_at(name, phase)
-        if T is None:
+        placed = self._released_at(name, phase)
+        if placed is None:
             released.reject(f"it ends before the skeleton does, and no pose_eq says where '{name}' is at phase {phase}")
-        return Place(0, T, None, T)
+        return Place(0, placed, None, placed)
 
     def _on(self, entry: SkeletonEntry, phase: int, below: tuple[str, ...]) -> Place:
         """The place of an object on its manipulator, which may be a tool that is held itself."""

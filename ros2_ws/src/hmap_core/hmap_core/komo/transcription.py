@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from functools import lru_cache
+from typing import Self
 
 import numpy as np
 
@@ -34,7 +35,7 @@ class KomoProblem(PathProblem):
             self._packed = len(self.objectives), (self.terms(samples), samples, self.options.packed)
         return self._packed[1]
 
-    def among(self, collisions: CollisionModel) -> "KomoProblem":
+    def among(self, collisions: CollisionModel) -> Self:
         """The same problem with other things that keep apart; it must not get more objectives."""
         other = copy(self)
         other.collisions, other._arrays = collisions, None
@@ -59,7 +60,8 @@ class KomoProblem(PathProblem):
             between: (objective, step, alpha) that are asked between the steps too, where there is a sample.
         """
         samples = samples or self.samples()
-        entries, params, steps, size = [], [], [], 0
+        entries, params, size = [], [], 0
+        steps: list[int] = []
         for o in self.objectives:
             feature, numbers, width = o.feature, o.feature.params, 0
             if o.params is not None:
@@ -101,6 +103,9 @@ class KomoProblem(PathProblem):
             restarts: more first guesses, far from the first: other ends, random bumps between them.
             rng: of the restarts and the IK; ``default_rng(0)`` when not given.
             time_limit: s; no further round is begun after it.
+
+        Raises:
+            ValueError: ``restarts`` is negative.
         """
         began = time.monotonic()
         rng = rng or np.random.default_rng(0)
@@ -124,6 +129,8 @@ class KomoProblem(PathProblem):
                 best = result
             if best.feasible:
                 break
+        if best is None:
+            raise ValueError(f"restarts is {restarts}; it has to be 0 or more")
         duration = time.monotonic() - began
         return replace(best, iterations=iterations, attempts=attempts, duration=duration)
 
@@ -157,9 +164,9 @@ class KomoProblem(PathProblem):
                     between.append((violation.objective, *place))
             samples = self.samples(extra)
             terms = self.terms(samples, between)
-        worst = max(found, key=lambda violation: violation.amount)
+        largest = max(found, key=lambda violation: violation.amount)
         status = Status.TIME_LIMIT if late else Status.BETWEEN_STEPS
-        return KomoResult(X, False, cost, eq, worst.amount, iterations, worst.text, status)
+        return KomoResult(X, False, cost, eq, largest.amount, iterations, largest.text, status)
 
     def _solve_coarsely(self, X: np.ndarray, prefix: np.ndarray, cols: Collisions, terms: Terms, samples: Samples):
         """Moves a first guess X (T, n) in place with few collision samples; returns the Newton steps that it took."""

@@ -60,7 +60,7 @@ def worst_violation(problem: PathProblem, linear: Linearisation, path: np.ndarra
         index, step, component = linear.rows[int(off.argmax())]
         text = of_objective(problem, problem.objectives[index], component, worst, step + 1.0)
     excess = np.maximum(problem.chain.lower - path[1:], path[1:] - problem.chain.upper)
-    step, joint = np.unravel_index(int(excess.argmax()), excess.shape)
+    step, joint = map(int, np.unravel_index(int(excess.argmax()), excess.shape))
     amount, time = excess[step, joint], problem.time_of(step + 1.0)
     if amount > worst:
         worst, text = amount, f"joint {joint + 1} exceeds its limit by {amount:.2g} at time {time:.2f}"

@@ -80,8 +80,8 @@ def first_conflict(
     objects = plan.trajectory.objects if objects is None else objects
     found = [_robot_conflict(plan, plan.scene.robots[name], bodies, rows) for name in robots]
     found += [_object_conflict(plan, name, bodies, rows) for name in objects]
-    found = [conflict for conflict in found if conflict is not None]
-    return min(found, key=lambda conflict: conflict.time, default=None)
+    conflicts = [conflict for conflict in found if conflict is not None]
+    return min(conflicts, key=lambda conflict: conflict.time, default=None)
 
 
 def _robot_conflict(plan: Plan, robot: Robot, bodies: Mapping[str, Body], rows: np.ndarray) -> Conflict | None:

@@ -1,8 +1,9 @@
 """What one planning job carries along: the problem, the parts that solve it, its limits, and what has happened."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -98,7 +99,7 @@ class SearchContext:
         """The same job in another scene."""
         return self if scene is self.scene else replace(self, scene=scene)
 
-    def using(self, **parts) -> "SearchContext":
+    def using(self, **parts: Any) -> "SearchContext":
         """The same job with some components replaced."""
         return replace(self, components=replace(self.components, **parts))
 
@@ -130,7 +131,14 @@ class SearchContext:
         self.time_left()
 
     def contact_search(
-        self, scene: Scene, state: SceneState, object: str, poses: np.ndarray, robots, count: int, cloud=None
+        self,
+        scene: Scene,
+        state: SceneState,
+        object: str,
+        poses: np.ndarray,
+        robots: Iterable[str],
+        count: int,
+        cloud: Cloud | None = None,
     ) -> ContactSearchQuery:
         """A query for contacts on an object along poses (M, 7), with the next seed and the time that is left."""
         return ContactSearchQuery(

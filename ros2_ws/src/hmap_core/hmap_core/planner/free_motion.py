@@ -62,9 +62,10 @@ def plan_motion(
         goals = _configurations(scene, state, robot, _checked_pose(T_world_ee), rng)
     else:
         goals = [_check_configuration(scene, state, robot, np.array(q, float), "goal", Code.GOAL_IN_COLLISION)]
-    for goal in cycle(goals):
+    tries = cycle(goals)
+    while True:
         try:
-            return segments.go(scene, state, robot, goal, rng, deadline - time.monotonic())
+            return segments.go(scene, state, robot, next(tries), rng, deadline - time.monotonic())
         except MotionError:
             if time.monotonic() > deadline:
                 raise
@@ -89,8 +90,8 @@ def _check_configuration(
     return there.q[robot]
 
 
-def _checked_pose(T: np.ndarray) -> np.ndarray:
-    T = np.array(T, float)
+def _checked_pose(pose: np.ndarray | None) -> np.ndarray:
+    T = np.array(pose, float)
     if T.shape != (7,) or not np.isfinite(T).all() or abs(np.linalg.norm(T[3:]) - 1.0) > UNIT:
         raise InputError(f"T_world_ee is {T.tolist()}; needed: x, y, z and a unit quaternion xyzw", Code.INVALID_POSE)
     return T

@@ -21,7 +21,7 @@ from hmap_core.planner.search_tree import SearchTree
 from hmap_core.planner.solution_sequence import SolutionSequence
 from hmap_core.planner.tools import attach_tool, with_tool_attached
 from hmap_core.types import Plan, Scene, SceneState, SegmentKind
-from hmap_core.validation import check
+from hmap_core.validation import Report, check
 
 DEFAULT_TIME_LIMIT = 60.0  # s
 
@@ -149,7 +149,7 @@ class PlanningJob:
         self.context.report("done", len(waypoints), len(waypoints), text=text)
         return plan
 
-    def _rejected(self, report) -> None:
+    def _rejected(self, report: Report) -> None:
         worst, record = report.violations[0], self.context.record
         record.code = Code.PLAN_REJECTED
         record.reason = (

@@ -61,8 +61,8 @@ def clear_sample(plan: Plan, contact: PlannedContact, at: float) -> int:
 def stable_sample(plan: Plan, contact: PlannedContact, at: float) -> int:
     """The nearest sample, at the planned time ``at`` (s) or before it in the contact, at which the object stands."""
     rows = np.arange(contact.begin, index_at(plan.trajectory.time, at) + 1)
-    poses = plan.trajectory.objects[contact.segment.object][rows]
-    name = contact.segment.object
+    name = contact.segment.contact_object
+    poses = plan.trajectory.objects[name][rows]
     others = placed_bodies(plan.scene, state_at(plan, int(rows[-1])), name)
     stands = np.flatnonzero(stable_poses(plan.scene.bodies[name], poses, others))
     return int(rows[stands[-1]]) if len(stands) else contact.begin
@@ -112,7 +112,7 @@ def held_pose(scene: Scene, state: SceneState, contact: PlannedContact) -> np.nd
     """T_world_obj (7,) of an object that is where the hand of the contact has it."""
     robot = scene.robots[contact.segment.robot]
     T_world_ee = transforms.multiply(robot.base_pose, load_arm(robot.model).end_effector(state.q[robot.name]))
-    return transforms.multiply(T_world_ee, transforms.inverse(contact.segment.contact_pose))
+    return transforms.multiply(T_world_ee, transforms.inverse(contact.segment.T_obj_manipulator))
 
 
 def _timed(scene: Scene, robot: str, path: np.ndarray, speed: float, acceleration: float) -> JointTrajectory:

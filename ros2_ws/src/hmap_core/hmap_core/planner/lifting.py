@@ -54,8 +54,8 @@ def lifted(
     checker = ObjectChecker(problem, Geometry(problem), False, DEFAULT_MIN_DISTANCE)
     manipulation = Manipulation(scene, state, contact.robot, object)
     last = np.arange(len(poses)) == len(poses) - 1
-    for ends in ((head, tail), (0, tail), (head, 0)):
-        higher = raised(poses, *ends)
+    for first, second in ((head, tail), (0, tail), (head, 0)):
+        higher = raised(poses, first, second)
         if np.array_equal(higher, poses):
             continue
         if not all(checker.motion_free(a, b) for a, b in zip(higher, higher[1:], strict=False)):

@@ -89,7 +89,8 @@ class ObstacleRemoval:
             RemovalError: one could not be removed, with the reason.
         """
         raise_if_alone(subgoal, names[0])
-        waiting, failure = list(names), None
+        waiting = list(names)
+        failure: tuple[str, HmapError] | None = None
         while waiting:
             before = len(waiting)
             for name in list(waiting):
@@ -102,11 +103,11 @@ class ObstacleRemoval:
                         continue
                 waiting.remove(name)
             if len(waiting) == before and failure is not None:
-                name, error = failure
+                name, cause = failure
                 raise RemovalError(
-                    f"'{name}' is in the way of '{subgoal.goal.object}' and cannot be removed: {error.reason}",
-                    error.code,
-                ) from error
+                    f"'{name}' is in the way of '{subgoal.goal.object}' and cannot be removed: {cause.reason}",
+                    cause.code,
+                ) from cause
         return sequence
 
     def _remove(

@@ -35,8 +35,8 @@ def planned_contacts(plan: Plan, object: str) -> list[PlannedContact]:
     for k, segment in enumerate(plan.segments):
         if segment.kind is SegmentKind.TRANSIT:
             continue
-        after = plan.segments[k + 1] if k + 1 < len(plan.segments) else None
-        leaves = after is not None and after.kind is SegmentKind.TRANSIT and after.robot == segment.robot
+        after = plan.segments[k + 1] if k + 1 < len(plan.segments) else segment
+        leaves = after.kind is SegmentKind.TRANSIT and after.robot == segment.robot
         last = index_at(time, after.end if leaves else segment.end)
         if segment.object == object:
             ends = index_at(time, segment.start), index_at(time, segment.end)
@@ -50,7 +50,7 @@ def contact_of(plan: Plan, kept: PlannedContact) -> ContactPoint:
 
     Where on the surface it touches is not in a plan: point and normal are taken from the end effector.
     """
-    T_obj_ee = kept.segment.contact_pose
+    T_obj_ee = kept.segment.T_obj_manipulator
     arm = load_arm(plan.scene.robots[kept.segment.robot].model)
     q = plan.trajectory.joints[kept.segment.robot]
     leaving = transforms.multiply(transforms.inverse(arm.end_effector(q[kept.end])), arm.end_effector(q[kept.last]))

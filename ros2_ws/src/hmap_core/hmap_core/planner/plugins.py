@@ -7,7 +7,7 @@ Nothing is imported before it is chosen.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
@@ -77,7 +77,7 @@ def plugins(group: str) -> dict[str, Plugin]:
     """
     _check_group(group)
     found = {
-        name: Plugin(group, name, "hmap_core", __version__, lambda value=value: _attribute(value))
+        name: Plugin(group, name, "hmap_core", __version__, partial(_attribute, value))
         for name, value in _BUILT_IN[group].items()
     }
     for entry in entry_points(group=group):
@@ -129,4 +129,5 @@ def _check_group(group: str) -> None:
 @lru_cache
 def _attribute(value: str) -> Callable[..., Any]:
     entry = EntryPoint("", value, "")
-    return getattr(import_module(entry.module), entry.attr)
+    factory: Callable[..., Any] = getattr(import_module(entry.module), entry.attr)
+    return factory

@@ -76,7 +76,8 @@ class PlanRepair:
         if not self.ahead:
             raise PlannerError("nothing of the old plan is left", Code.NO_MOTION)
         began = time.thread_time()
-        sequence, unjudged = SolutionSequence(self.job.start), []
+        sequence = SolutionSequence(self.job.start)
+        unjudged: list[tuple[SceneState, tuple[SubTrajectory, ...]]] = []
         for subgoal in self.ahead:
             outcome = self._solve(RepairTask(self, subgoal, sequence))
             if isinstance(outcome, Failure):
@@ -162,7 +163,7 @@ class PlanRepair:
     def goal_of(self, subgoal: PlannedSubgoal) -> Goal:
         """The body that a subgoal is about, and where it brings it."""
         tools = {name for name, body in self.scene.bodies.items() if body.kind is BodyKind.TOOL}
-        handled = [contact.segment.object for contact in subgoal.contacts]
+        handled = [contact.segment.contact_object for contact in subgoal.contacts]
         name = next((other for other in reversed(handled) if other not in tools), handled[-1])
         end, own = self.plan.trajectory.objects[name][subgoal.last], self.scene.goal
         reaches = name == own.object and transforms.distance(end, own.pose)[0] <= SAME
@@ -262,7 +263,7 @@ def rehearse(plan: Plan, time_limit: float) -> None:
         return
     subgoal = subgoals[-1]
     state = state_at(plan, subgoal.first)
-    rows = plan.trajectory.objects[subgoal.contacts[-1].segment.object]
+    rows = plan.trajectory.objects[subgoal.contacts[-1].segment.contact_object]
     middle = pose(rows[(subgoal.begin + subgoal.contacts[-1].end) // 2, :3])
     ball = Body("", BodyKind.FIXED, (Shape(ShapeKind.SPHERE, (REHEARSED_RADIUS,)),), middle)
     for bodies in {}, {ball.name: ball}:

@@ -57,7 +57,7 @@ class SampledContacts:
         scene, placed = query.scene, query.scene.robots[query.robot]
         body, hand = scene.bodies[query.object], hand_of(placed)
         if hand.attached is not None and scene.mode == TaskMode.PHYSICAL:
-            share = push_torque_ratio(hand.attached, placed.model.gripper, body, batch)
+            share = push_torque_ratio(hand.attached, placed.model.require_gripper(), body, batch)
             return [c for c, used in zip(batch, share, strict=True) if used <= TURNING_SHARE]
         if hand.gripper is not None:
             even = pad_balance(body, batch, hand.gripper)

@@ -15,6 +15,7 @@ from hmap_core.planner.context import SearchContext
 from hmap_core.planner.interfaces import RobotContact, ToolGrasp
 from hmap_core.planner.obstacle_removal import ObstacleRemoval, RemovalError
 from hmap_core.planner.outcome import Failure, Outcome, Solution
+from hmap_core.planner.relaxed import RelaxedSolution
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
 from hmap_core.planner.steps import TRIES_WITH_TOOL
 from hmap_core.planner.strategies import CONTACT_STRATEGIES, PATH_STRATEGIES, WAYPOINT_STRATEGIES
@@ -65,7 +66,7 @@ class Search:
                 continue
             blocked += isinstance(outcome.error, RemovalError)
             if blocked == BLOCKED_ROUNDS or (number == 0 and isinstance(outcome.error, NoObjectPath)):
-                raise outcome.error
+                raise outcome.error or PlannerError(outcome.reason, outcome.code)
         record = self.context.record
         raise PlannerError(
             f"no plan after {ROUNDS} object paths of '{goal.object}'; last: {record.reason}", record.code
@@ -94,7 +95,13 @@ class Search:
                 reachability.check(self.context, task)
             return outcome
 
-    def follow(self, subgoal: Subgoal, sequence: SolutionSequence, poses: np.ndarray, known=None) -> Outcome:
+    def follow(
+        self,
+        subgoal: Subgoal,
+        sequence: SolutionSequence,
+        poses: np.ndarray,
+        known: RelaxedSolution | None = None,
+    ) -> Outcome:
         """The main loop: strategies at one waypoint after the other until the object is at the end of its path.
 
         Args:
@@ -103,7 +110,8 @@ class Search:
             poses: (M, 7) path of the object, world frame.
             known: solution of the relaxed problem at the first waypoint, if there is one.
         """
-        at, waypoints = 0, []
+        at = 0
+        waypoints: list[np.ndarray] = []
         while at < len(poses) - 1:
             ahead = np.concatenate([sequence.state.poses[subgoal.goal.object][None], poses[at + 1 :]])
             task = WaypointTask.of(self.context, subgoal, sequence, ahead, at, known)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from hmap_core.exceptions import Code, HmapError
+from hmap_core.planner.outcome import Outcome, Solution
 
 MAX_NODES = 5000  # of one tree; later attempts are counted and not kept
 OPEN = ""  # status of a node that has no result of its own
@@ -41,10 +42,9 @@ class Attempt:
         """Note that this attempt has led to a solution."""
         self.stage, self.code, self.reason, self.solved = "", "", text, True
 
-    def close(self, outcome) -> None:
+    def close(self, outcome: Outcome) -> None:
         """Note the outcome of a strategy (:mod:`hmap_core.planner.outcome`)."""
-        failed = getattr(outcome, "code", None)
-        if failed is None:
+        if isinstance(outcome, Solution):
             self.succeed()
         elif not self.tried:
             self.fail(outcome.stage, outcome.code, outcome.reason)

@@ -41,6 +41,16 @@ class PathTask:
         """Name of the object."""
         return self.subgoal.goal.object
 
+    def require_ready(self) -> SolutionSequence:
+        """The sequence once obstacles were removed from the last path.
+
+        Raises:
+            ValueError: they could not be, or there is no path.
+        """
+        if self.ready is None:
+            raise ValueError(f"the path of '{self.object}' is not free of obstacles")
+        return self.ready
+
 
 @dataclass(frozen=True)
 class WaypointTask:

@@ -148,13 +148,19 @@ def find_transit(
 
 
 def _connect(
-    free: TransitChecks, moves: HandMoves, start, goal, rng: np.random.Generator, deadline
+    free: TransitChecks,
+    moves: HandMoves,
+    start: np.ndarray,
+    goal: np.ndarray,
+    rng: np.random.Generator,
+    deadline: float,
 ) -> np.ndarray | None:
     """Configurations (m, n) from start to goal (n,), straight between them, in which the trees have met."""
     trees = _Tree(start, moves), _Tree(goal, moves)
     ends = np.concatenate([tree.hands[:, :3] for tree in trees])
     room = ends.min(axis=0) - AROUND, ends.max(axis=0) + AROUND
-    grown, other, new = *trees, 0
+    grown, other = trees
+    new: int | None = 0
     while free.looks < CHECKS and time.monotonic() < deadline:
         if new is not None:
             near = other.nearest(grown.configurations[new])

@@ -45,9 +45,9 @@ class TransitSearch:
         self._moves = HandMoves(manipulation, collisions)
         scene = manipulation.scene
         held = scene.robots[manipulation.robot].model.attached
-        gives_way = held is not None and scene.mode != TaskMode.KINEMATIC
-        self._rooms = ROOMS if gives_way else ()
-        self._held = np.array([gives_way and name == f"{manipulation.robot}/{held.name}" for name in collisions.names])
+        slips = None if held is None or scene.mode == TaskMode.KINEMATIC else f"{manipulation.robot}/{held.name}"
+        self._rooms = () if slips is None else ROOMS
+        self._held = np.array([name == slips for name in collisions.names])
 
     def has_room(self, path: np.ndarray) -> bool:
         """Whether a way (M, n) from the start to the goal keeps the least room, where these have it."""

@@ -3,6 +3,7 @@
 from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
@@ -14,7 +15,7 @@ QUATERNION_EXACT = 1e-8  # deviation due to rounding, below which a quaternion i
 Dimensions = tuple[int | None, ...]
 
 
-def to_lists(array: np.ndarray) -> list:
+def to_lists(array: ArrayLike) -> list:
     """Converts an array to nested lists of rounded floats."""
     return np.round(np.asarray(array, float), DECIMALS).tolist()
 
@@ -81,4 +82,10 @@ def poses_of(*dimensions: int | None) -> Any:
 
 
 Vector = array_of(None)
+Vector3 = array_of(3)
+Vector4 = array_of(4)
+Points = array_of(None, 3)
+Limits = array_of(2, None)
+JointSamples = array_of(None, None)
 PoseVector = poses_of()
+PoseVectors = poses_of(None)

@@ -10,7 +10,7 @@ import numpy as np
 
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes import meshes
-from hmap_core.scenes.urdf import JointTree, joint_tree, mesh_path, numbers, origin
+from hmap_core.scenes.urdf import JointTree, attribute, child, joint_tree, mesh_path, numbers, origin
 from hmap_core.transforms import to_matrix
 
 SupportFunction = Callable[[np.ndarray], float]
@@ -56,7 +56,9 @@ class GripperGeometry:
     def _shapes(self) -> dict[str, list]:
         """For each finger link, the poses (4, 4) of its shapes in the link frame, with their support functions."""
         return {
-            link: [(to_matrix(origin(c)), _support(self._file, c.find("geometry")[0])) for c in self._collisions[link]]
+            link: [
+                (to_matrix(origin(c)), _support(self._file, child(c, "geometry")[0])) for c in self._collisions[link]
+            ]
             for link in self._finger_links
         }
 
@@ -96,23 +98,23 @@ class GripperGeometry:
 
 def _farthest(T: np.ndarray, support: SupportFunction, direction: tuple[float, float, float]) -> float:
     """Largest coordinate of a shape at T (4, 4) along a direction (3,), m."""
-    direction = np.array(direction)
-    return float(T[:3, 3] @ direction + support(T[:3, :3].T @ direction))
+    d = np.array(direction)
+    return float(T[:3, 3] @ d + support(T[:3, :3].T @ d))
 
 
 def _support(file: Path, geometry: Element) -> SupportFunction:
     """The support function of a shape in its own frame: direction (3,) -> m (van den Bergen 2003)."""
     if geometry.tag == "mesh":
-        vertices = meshes.hull_vertices(mesh_path(file, geometry.get("filename")))
+        vertices = meshes.hull_vertices(mesh_path(file, attribute(geometry, "filename")))
         vertices = vertices * numbers(geometry.get("scale"), [1, 1, 1])
-        return lambda d: (vertices @ d).max()
+        return lambda d: float((vertices @ d).max())
     if geometry.tag == "box":
         half = 0.5 * numbers(geometry.get("size"), [])
-        return lambda d: np.abs(d) @ half
-    radius = float(geometry.get("radius"))
+        return lambda d: float(np.abs(d) @ half)
+    radius = float(attribute(geometry, "radius"))
     if geometry.tag == "sphere":
         return lambda d: radius
-    half_length = 0.5 * float(geometry.get("length"))
+    half_length = 0.5 * float(attribute(geometry, "length"))
     if geometry.tag == "cylinder":
-        return lambda d: radius * np.hypot(d[0], d[1]) + half_length * abs(d[2])
-    return lambda d: radius + half_length * abs(d[2])
+        return lambda d: float(radius * np.hypot(d[0], d[1]) + half_length * abs(d[2]))
+    return lambda d: float(radius + half_length * abs(d[2]))

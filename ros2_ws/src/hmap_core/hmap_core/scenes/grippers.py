@@ -1,6 +1,6 @@
 """Builds the gripper of a robot file: computes omitted values from the URDF and checks given ones against it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -36,8 +36,11 @@ def build_gripper(document: Document, robot: RobotFile, urdf: Path, root: Elemen
 
     Raises:
         InputError: INVALID_SCENE; a joint would exceed its limits, or the fingers do not open as the file says.
+        ValueError: the file has no gripper.
     """
     entry = robot.gripper
+    if entry is None:
+        raise ValueError(f"robot file '{document.path}' has no gripper")
     _check_drivers(document, entry, joint_tree(root))
     end_effector = robot.end_effector.link, robot.end_effector.pose.vector()
     geometry = GripperGeometry(root, urdf, end_effector, entry.finger_links)
@@ -161,7 +164,7 @@ def _checked_tip(document: Document, tip: float) -> float:
     return tip
 
 
-def _check_limits(document: Document, entry: GripperEntry, key: str, joints: Sequence[float], tree: JointTree) -> None:
+def _check_limits(document: Document, entry: GripperEntry, key: str, joints: Iterable[float], tree: JointTree) -> None:
     """Checks that the joint values (k,) of ``key`` are within the URDF's limits."""
     for name, value in zip(entry.joints, joints, strict=True):
         joint = tree.by_name[name]

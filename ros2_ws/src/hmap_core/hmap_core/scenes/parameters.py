@@ -82,7 +82,8 @@ class _Draw:
             return numbers[generator.integers(len(numbers))]
         if len(numbers) != 2 or numbers[0] > numbers[1]:
             raise self._document.error((*here, kind), "must be [low, high] with low not above high")
-        return float(generator.uniform(*numbers))
+        low, high = numbers
+        return float(generator.uniform(low, high))
 
     def _number(self, value: Any, here: Location) -> float:
         if isinstance(value, str):

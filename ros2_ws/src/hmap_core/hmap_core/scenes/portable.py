@@ -161,6 +161,8 @@ def _body(data: BodyData) -> Body:
     if data.shape == "compound":
         shapes = tuple(_shape(part) for part in data.parts or ())
     else:
+        if data.size is None:
+            raise ValueError(f"body '{data.name}' has no size")
         single = ShapeData(shape=ShapeKind(data.shape), size=data.size, mesh=data.mesh, vertices=data.vertices)
         shapes = (_shape(single),)
     return Body(
@@ -184,7 +186,8 @@ def _robot(name: str, data: RobotData) -> Robot:
     gripper = None
     if data.gripper is not None:
         values = data.gripper.model_dump()
-        gripper = Gripper(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
+        arguments: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
+        gripper = Gripper(**arguments)
     model = RobotModel(
         name=data.model,
         urdf=resources.resolve(data.urdf, Path()),

@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from pydantic_core import PydanticCustomError
 
 from hmap_core.exceptions import Code, InputError
-from hmap_core.scenes.arrays import PoseVector, Vector, array_of
+from hmap_core.scenes.arrays import Limits, Points, PoseVector, Vector, Vector3, Vector4
 from hmap_core.scenes.document import key_text
 from hmap_core.scenes.schema import SIZES
 from hmap_core.transforms import IDENTITY
@@ -34,7 +34,7 @@ class ShapeData(Data):
     size: list[Extent]
     pose: PoseVector = Field(default_factory=IDENTITY.copy)
     mesh: str | None = None
-    vertices: array_of(None, 3) | None = None
+    vertices: Points | None = None
 
     @model_validator(mode="after")
     def _size_fits(self) -> "ShapeData":
@@ -53,8 +53,8 @@ def _check_size(shape: ShapeKind, size: list[float], mesh: str | None) -> None:
 class RegionData(Data):
     """An axis-aligned box in the body frame."""
 
-    lower: array_of(3)
-    upper: array_of(3)
+    lower: Vector3
+    upper: Vector3
 
 
 class BodyData(Data):
@@ -65,13 +65,13 @@ class BodyData(Data):
     shape: Literal["box", "cylinder", "sphere", "capsule", "mesh", "compound"]
     size: list[Extent] | None = None
     mesh: str | None = None
-    vertices: array_of(None, 3) | None = None
+    vertices: Points | None = None
     parts: list[ShapeData] | None = None
     pose: PoseVector
     mass: Amount = 0.0
     friction: Amount
     graspable: list[RegionData] = []
-    color: array_of(4) | None = None
+    color: Vector4 | None = None
 
     @model_validator(mode="after")
     def _shape_or_parts(self) -> "BodyData":
@@ -124,7 +124,7 @@ class AttachedData(Data):
     T_ee_body: PoseVector
     opening: Real
     friction: Amount
-    up: array_of(3)
+    up: Vector3
 
 
 class RobotData(Data):
@@ -138,7 +138,7 @@ class RobotData(Data):
     end_effector_link: str
     T_link_ee: PoseVector
     home: Vector
-    position_limits: array_of(2, None)
+    position_limits: Limits
     velocity_limits: Vector
     acceleration_limits: Vector
     ignored_collisions: list[tuple[str, str]] = []

@@ -159,6 +159,32 @@ def numbers(text: str | None, default: Sequence[float]) -> np.ndarray:
     return np.array([float(v) for v in text.split()]) if text else np.array(default, float)
 
 
+def attribute(element: Element, key: str) -> str:
+    """An attribute that an XML element must have.
+
+    Raises:
+        InputError: INVALID_SCENE; it is missing.
+    """
+    value = element.get(key)
+    if value is None:
+        raise InputError(f"a <{element.tag}> of the URDF has no attribute '{key}'", Code.INVALID_SCENE)
+    return value
+
+
+def child(element: Element, tag: str) -> Element:
+    """The first child with a tag, which an XML element must have.
+
+    Raises:
+        InputError: INVALID_SCENE; it is missing.
+    """
+    found = element.find(tag)
+    if found is None:
+        name = element.get("name")
+        where = f"<{element.tag}>" if name is None else f"<{element.tag}> '{name}'"
+        raise InputError(f"a {where} of the URDF has no <{tag}>", Code.INVALID_SCENE)
+    return found
+
+
 def origin(element: Element) -> np.ndarray:
     """The pose (7,) in the ``origin`` element of an XML element; the identity if it has none."""
     found = element.find("origin")
@@ -176,18 +202,18 @@ def joint_tree(robot: Element) -> JointTree:
 def _joint(element: Element) -> UrdfJoint:
     axis, limit, mimic = (element.find(key) for key in ("axis", "limit", "mimic"))
     direction = numbers(axis.get("xyz") if axis is not None else None, [1, 0, 0])
-    bounded = limit is not None and element.get("type") in ("revolute", "prismatic")
+    bounds = limit if element.get("type") in ("revolute", "prismatic") else None
     return UrdfJoint(
-        element.get("name"),
-        element.get("type"),
-        element.find("parent").get("link"),
-        element.find("child").get("link"),
+        attribute(element, "name"),
+        attribute(element, "type"),
+        attribute(child(element, "parent"), "link"),
+        attribute(child(element, "child"), "link"),
         origin(element),
         direction / max(np.linalg.norm(direction), 1e-12),
-        float(limit.get("lower", 0.0)) if bounded else -np.inf,
-        float(limit.get("upper", 0.0)) if bounded else np.inf,
+        float(bounds.get("lower", 0.0)) if bounds is not None else -np.inf,
+        float(bounds.get("upper", 0.0)) if bounds is not None else np.inf,
         float(limit.get("velocity", np.inf)) if limit is not None else np.inf,
         None
         if mimic is None
-        else (mimic.get("joint"), float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))),
+        else (attribute(mimic, "joint"), float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))),
     )

@@ -1,8 +1,9 @@
 """Rigid bodies of the scene as PyBullet bodies: shapes, mass properties, friction, colour."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pybullet
@@ -111,6 +112,7 @@ def mass_properties(shapes: tuple[Shape, ...], mass: float) -> tuple[np.ndarray,
 
 def _volume_properties(shape: Shape) -> tuple[float, np.ndarray, np.ndarray]:
     """Volume, centre (3,) and inertia per mass (3, 3) about the centre, in the body frame."""
+    volume: float
     if shape.kind is ShapeKind.MESH:
         hull = convex_hull(shape)
         volume, center, tensor = hull.volume, np.array(hull.center_mass), hull.moment_inertia / hull.mass
@@ -144,7 +146,7 @@ def _capsule(r: float, h: float) -> tuple[float, np.ndarray]:
     return volume, np.array([across, across, (tube * tube_along + ball * ball_about) / volume])
 
 
-_PRIMITIVES = {
+_PRIMITIVES: dict[ShapeKind, Callable[..., tuple[float, np.ndarray]]] = {
     ShapeKind.BOX: _box,
     ShapeKind.SPHERE: _sphere,
     ShapeKind.CYLINDER: _cylinder,
@@ -159,7 +161,7 @@ def convex_hull(shape: Shape) -> trimesh.Trimesh:
         InputError: the file is missing or is no mesh.
     """
     try:
-        mesh = trimesh.load(shape.mesh, force="mesh")
+        mesh: Any = trimesh.load(shape.mesh, force="mesh")  # declared without the attributes of a mesh
         mesh.apply_scale(shape.size)
         return mesh.convex_hull
     except Exception as error:  # trimesh raises whatever its many readers raise
@@ -226,7 +228,7 @@ def _visual_entry(shape: Shape, mesh_file: Path) -> dict:
     return blank | {"shapeTypes": pybullet.GEOM_MESH, "fileNames": str(mesh_file)}
 
 
-_ROUND = {
+_ROUND: dict[ShapeKind, Callable[..., trimesh.Trimesh]] = {
     ShapeKind.SPHERE: lambda r: trimesh.creation.icosphere(subdivisions=3, radius=r),
     ShapeKind.CYLINDER: lambda r, h: trimesh.creation.cylinder(radius=r, height=h, sections=64),
     ShapeKind.CAPSULE: lambda r, h: trimesh.creation.capsule(radius=r, height=h, count=(32, 32)),

@@ -10,7 +10,7 @@ from hmap_core.execution.plan_executor import PlanExecutor, Progress
 from hmap_core.execution.recovery import RecoveryPolicy, Replanner
 from hmap_core.execution.report import ClosedLoopReport, ExecutionReport
 from hmap_core.execution.stretches import Stretch, check_executable
-from hmap_core.simulation.ports import simulated_ports
+from hmap_core.simulation.ports import SimulatedControllers, simulated_ports
 from hmap_core.simulation.world import SimulatedWorld
 from hmap_core.types import Plan
 
@@ -59,7 +59,8 @@ def execute_closed_loop(
     check_executable(plan)
     policy = RecoveryPolicy(max_replans, max_replans, drift=tolerance or DriftTolerance())
     with SimulatedWorld(plan.scene) as world:
-        ports = simulated_ports(world)
-        ports.controllers.pass_time(START_SETTLE)
+        controllers = SimulatedControllers(world)
+        controllers.pass_time(START_SETTLE)
+        ports = simulated_ports(world, controllers)
         on_stretch = None if between is None else lambda stretch: between(world, stretch)
         return PlanExecutor(ports, on_progress=on_progress, on_stretch=on_stretch).run(plan, replan, policy)

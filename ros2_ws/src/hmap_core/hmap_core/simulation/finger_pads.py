@@ -12,6 +12,7 @@ import numpy as np
 import trimesh
 
 from hmap_core.kinematics.urdf import Urdf, load_urdf
+from hmap_core.scenes.urdf import attribute
 from hmap_core.transforms import to_matrix
 from hmap_core.types import RobotModel
 
@@ -34,15 +35,16 @@ def with_pads(model: RobotModel, folder: Path) -> Path:
     if gripper is None or model.urdf.suffix != ".urdf":
         return model.urdf
     urdf = load_urdf(model.urdf)
-    pads = {link: _pad(urdf, model, link) for link in gripper.finger_links}
-    if not pads or any(pad is None for pad in pads.values()):
+    found = [(link, _pad(urdf, model, link)) for link in gripper.finger_links]
+    pads = {link: pad for link, pad in found if pad is not None}
+    if not pads or len(pads) < len(found):
         return model.urdf
     tree = ElementTree.parse(model.urdf)
     for mesh in tree.iter("mesh"):
-        mesh.set("filename", str(_resolved(model.urdf, mesh.get("filename"))))
+        mesh.set("filename", str(_resolved(model.urdf, attribute(mesh, "filename"))))
     for link in tree.getroot().findall("link"):
-        if link.get("name") in pads:
-            name = link.get("name")
+        name = link.get("name")
+        if name is not None and name in pads:
             _replace(link, urdf.hulls[name], pads[name], folder / f"{name}.obj", TAPER if gripper.openings else 0.0)
     path = folder / f"{model.name}.urdf"
     ElementTree.indent(tree)  # Bullet's reader breaks long lines, also within a number
@@ -52,7 +54,7 @@ def with_pads(model: RobotModel, folder: Path) -> Path:
 
 def _pad(urdf: Urdf, model: RobotModel, link: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
     """Width and height (2,), centre (3,) and axes (3, 3) of a finger's pad, and where (3,) it opens to, link frame."""
-    gripper = model.gripper
+    gripper = model.require_gripper()
     if not urdf.hulls[link]:
         return None
     closed, opened = (_in_end_effector(urdf, model, link, at) for at in (gripper.min_opening, gripper.open_opening))
@@ -81,7 +83,8 @@ def _pad(urdf: Urdf, model: RobotModel, link: str) -> tuple[np.ndarray, np.ndarr
 
 def _in_end_effector(urdf: Urdf, model: RobotModel, link: str, opening: float) -> np.ndarray:
     """A link's frame (4, 4) in the end-effector's at an opening (m)."""
-    values = dict(zip(model.gripper.joint_names, model.gripper.joints(opening), strict=True))
+    gripper = model.require_gripper()
+    values = dict(zip(gripper.joint_names, gripper.joints(opening), strict=True))
     T_root_ee = urdf.tree.pose(model.end_effector_link, values) @ to_matrix(model.T_link_ee)
     return np.round(np.linalg.inv(T_root_ee) @ urdf.tree.pose(link, values), DIGITS)
 

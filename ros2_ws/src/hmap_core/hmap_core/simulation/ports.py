@@ -7,7 +7,7 @@ import numpy as np
 
 from hmap_core.exceptions import Code, ExecutionError, PlannerError
 from hmap_core.execution.outcome import Outcome
-from hmap_core.execution.ports import Canceled, Feedback, Ports
+from hmap_core.execution.ports import Canceled, Command, Feedback, Ports
 from hmap_core.simulation.controllers import GripperController, TrajectoryController, from_instant
 from hmap_core.simulation.world import SimulatedWorld
 from hmap_core.trajectory.samples import movable_bodies
@@ -20,6 +20,7 @@ GRIPPER_WAIT = 1.5  # s at most for the fingers to close or open before the arm 
 GRIP_TIME = 0.1  # s more for all of them to touch what they grip
 STOP_LIMIT = 5.0  # s for an arm to come to rest
 SAME_PLACE = 1e-3  # m that a body may move before the scene counts as changed
+Controller = TrajectoryController | GripperController
 LOST = (Outcome.PATH_TOLERANCE_VIOLATED, Outcome.GOAL_TOLERANCE_VIOLATED)
 
 
@@ -69,7 +70,7 @@ class SimulatedControllers:
             for name, robot in robots.items()
             if robot.model.gripper
         }
-        self._commands: dict[object, SimulatedCommand] = {}  # controller -> its command under way
+        self._commands: dict[Controller, SimulatedCommand] = {}  # controller -> its command under way
         self._tracking_error = 0.0
 
     @property
@@ -91,7 +92,7 @@ class SimulatedControllers:
 
     def wait(
         self,
-        commands: Sequence[SimulatedCommand],
+        commands: Sequence[Command],
         limit: float,
         canceled: Canceled,
         look: Callable[[], None] | None = None,
@@ -102,19 +103,19 @@ class SimulatedControllers:
             PlannerError: CANCELED.
             ExecutionError: TRACKING_LOST; a joint is blocked.
         """
-        until = self.world.time + limit
-        while not all(command.done for command in commands):
+        until, own = self.world.time + limit, [_own(command) for command in commands]
+        while not all(command.done for command in own):
             if canceled():
-                self._halt(commands)
+                self._halt(own)
                 raise PlannerError("canceled; the motion was stopped", Code.CANCELED)
             if self.world.time > until:
-                self._halt(commands)
+                self._halt(own)
                 raise ExecutionError(f"no controller finished within {limit:g} s", Code.TRACKING_LOST)
             if look is not None:
                 look()
-            self.pass_time(LOOK_PERIOD, lambda: all(command.done or command.reason for command in commands))
-            self._raise_failure(commands)
-        self._raise_failure(commands)
+            self.pass_time(LOOK_PERIOD, lambda: all(command.done or command.reason for command in own))
+            self._raise_failure(own)
+        self._raise_failure(own)
 
     def stop(self) -> None:
         """Bring all arms to rest and wait for that."""
@@ -135,7 +136,7 @@ class SimulatedControllers:
             if ended():
                 return
 
-    def _begin(self, controller, command: SimulatedCommand) -> SimulatedCommand:
+    def _begin(self, controller: Controller, command: SimulatedCommand) -> SimulatedCommand:
         before = self._commands.get(controller)
         if before is not None and not before.done:
             before.outcome = Outcome.PREEMPTED
@@ -151,7 +152,10 @@ class SimulatedControllers:
     def _halt(self, commands: Sequence[SimulatedCommand]) -> None:
         for controller, command in self._commands.items():
             if any(command is other for other in commands) and controller.active:
-                controller.cancel(self.world.time) if controller in self._arms.values() else controller.cancel()
+                if isinstance(controller, TrajectoryController):
+                    controller.cancel(self.world.time)
+                else:
+                    controller.cancel()
         self._rest()
 
     def _rest(self) -> None:
@@ -169,13 +173,13 @@ class SimulatedControllers:
             if command is not None and not command.done:
                 entry = Feedback(now, now, desired.q)
                 command.feedback = (*command.feedback[:1], entry)
-                command.outcome, command.reason = arm.outcome, arm.reason
+                command.outcome, command.reason = arm.outcome or command.outcome, arm.reason
         for name, gripper in self._grippers.items():
             robot = self.world.robot(name)
             robot.set_gripper(*gripper.update(now, *robot.gripper_state()))
             command = self._commands.get(gripper)
             if command is not None and not command.done:
-                command.outcome, command.opening = gripper.outcome, gripper.result.opening
+                command.outcome, command.opening = gripper.outcome or command.outcome, gripper.result.opening
                 if not command.done and now >= command.until:
                     command.outcome = Outcome.STALLED
         self.world.step()
@@ -251,7 +255,7 @@ class SimulatedObservation:
         return touching & self._finger_links(robot)
 
     def _finger_links(self, robot: str) -> set[str]:
-        return set(self._world.scene.robots[robot].model.gripper.finger_links)
+        return set(self._world.scene.robots[robot].model.require_gripper().finger_links)
 
     def _fastest(self) -> float:
         """Largest speed of any movable body, m/s or rad/s."""
@@ -274,14 +278,21 @@ class SimulatedClock:
         return self._world.time
 
 
-def simulated_ports(world: SimulatedWorld) -> Ports:
+def simulated_ports(world: SimulatedWorld, controllers: SimulatedControllers | None = None) -> Ports:
     """The ports of a plan executor that works in a simulated world.
 
     Args:
         world: at the start of a plan; used by nothing else meanwhile.
+        controllers: of its robots; None: new ones, which hold the robots where they are.
     """
-    controllers = SimulatedControllers(world)
+    controllers = controllers or SimulatedControllers(world)
     return Ports(controllers, SimulatedObservation(world, controllers), SimulatedClock(world))
+
+
+def _own(command: Command) -> SimulatedCommand:
+    if not isinstance(command, SimulatedCommand):
+        raise TypeError(f"{command!r} was not sent to a simulated controller")
+    return command
 
 
 def _apart(T_a: np.ndarray, T_b: np.ndarray) -> bool:

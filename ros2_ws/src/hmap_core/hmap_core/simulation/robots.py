@@ -156,8 +156,8 @@ class SimulatedRobot:
         if not self._fingers:
             return 0.0, 0.0, 0.0
         states = self._client.getJointStates(self.id, self._fingers)
-        opening = self.model.gripper.opening_at([state[0] for state in states])
-        slopes = self.model.gripper.joints_per_opening(opening)
+        opening = self.model.require_gripper().opening_at([state[0] for state in states])
+        slopes = self.model.require_gripper().joints_per_opening(opening)
         velocity = sum(state[1] / slope for state, slope in zip(states, slopes, strict=True)) / len(states)
         effort = sum(state[3] * slope for state, slope in zip(states, slopes, strict=True))
         return opening, float(velocity), float(effort)
@@ -256,23 +256,25 @@ class SimulatedRobot:
     def _find_mimics(self) -> list[tuple[int, int, float, float]]:
         """Joints that mimic one of the fingers': the joint, the finger's number, factor and offset."""
         gripper = self.model.gripper
-        tree = load_urdf(self.model.urdf).tree if gripper else None
+        if gripper is None:
+            return []
+        tree = load_urdf(self.model.urdf).tree
         return [
             (self._joint(name), number, factor, offset)
-            for number, driver in enumerate(gripper.joint_names if gripper else ())
+            for number, driver in enumerate(gripper.joint_names)
             for name, (factor, offset) in tree.mimics(driver).items()
             if name not in gripper.joint_names and factor != 0.0
         ]
 
     def _slopes(self) -> tuple[float, ...]:
         """How much the finger joints (k,) move for each metre of opening where they are now."""
-        gripper = self.model.gripper
+        gripper = self.model.require_gripper()
         return gripper.joints_per_opening(self.gripper_state()[0] if gripper.openings else 0.0)
 
     def _finger_positions(self, opening: float) -> list[float]:
         """Where the finger joints (k,) are at an opening (m), within their limits."""
         positions = []
-        for joint, value in zip(self._fingers, self.model.gripper.joints(opening), strict=True):
+        for joint, value in zip(self._fingers, self.model.require_gripper().joints(opening), strict=True):
             lower, upper = self._limits[joint]
             positions.append(min(max(value, lower), upper) if lower < upper else value)
         return positions

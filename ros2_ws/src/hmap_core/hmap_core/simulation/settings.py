@@ -4,6 +4,7 @@ Measured with Pandas dragging, pushing and lifting objects of 0.2-0.6 kg with fr
 """
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -45,7 +46,9 @@ class RobotSettings:
             if key not in known:
                 raise InputError(f"robot model {model_name}: unknown simulation setting '{key}'; known are {known}")
         try:
-            values = {k: tuple(map(float, v)) if isinstance(v, list | tuple) else float(v) for k, v in table.items()}
+            values: dict[str, Any] = {
+                k: tuple(map(float, v)) if isinstance(v, list | tuple) else float(v) for k, v in table.items()
+            }
         except (TypeError, ValueError) as error:
             raise InputError(f"robot model {model_name}: simulation settings are numbers: {error}") from error
         return cls(**values)

@@ -107,7 +107,7 @@ class TrajectoryController:
         """Forget any motion and hold the joints at ``q`` (n,), where the caller knows them to be."""
         q = np.array(q, float)
         still = np.zeros_like(q)
-        self._motion = Stop(0.0, q, still, self._limits)
+        self._motion: Stop | Follow = Stop(0.0, q, still, self._limits)
         self.tracking = Tracking(q, still, q, still)
         if self.active:
             self._end(Outcome.PREEMPTED, "the controller was told to hold")

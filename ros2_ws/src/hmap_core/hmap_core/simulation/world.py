@@ -180,7 +180,9 @@ class SimulatedWorld:
             InputError: no body or robot has that name.
         """
         chosen = {} if name is None else {"bodyA": self._id(name)}
-        names = {handle.id: (body, None) for body, handle in self._bodies.items()}
+        names: dict[int, tuple[str, SimulatedRobot | None]] = {
+            handle.id: (body, None) for body, handle in self._bodies.items()
+        }
         names |= {robot.id: (key, robot) for key, robot in self._robots.items()}
         return [_contact(point, names) for point in self._client.getContactPoints(**chosen) or ()]
 

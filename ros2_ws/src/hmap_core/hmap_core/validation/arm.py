@@ -89,8 +89,8 @@ class Arm:
         if self.data.gripper is not None:
             return self.data.gripper.finger_links
         link = self.data.end_effector_link
-        while link not in self.tree.shaped and self.tree.joint_to(link) is not None:
-            link = self.tree.joint_to(link).parent
+        while link not in self.tree.shaped and (joint := self.tree.joint_to(link)) is not None:
+            link = joint.parent
         return (link,)
 
     def moving(self, link: str) -> tuple[urdf.Joint, ...]:

@@ -146,6 +146,8 @@ class _PairDistances:
 
     def bisect(self, first: int, last: int) -> None:
         """Bisects a run of steps until the bounds clear it; single steps that are not clear are subdivided later."""
+        if self._travelled is None:
+            raise ValueError(f"the pair {self._pair.names} has no relative motion to bisect")
         travelled = self._travelled[first : last + 1].tolist()
         stack = [(first, last, self.distance(first), self.distance(last))]
         while stack:

@@ -141,7 +141,7 @@ def collect(world: World) -> list[Contact]:
     """All contacts of a plan, by time. Each contact of a tool is followed by the robot's grasp of that tool."""
     contacts: list[Contact] = []
     for segment in world.document.contacts:
-        contact = Contact(world, segment, segment.kind, segment.object, segment.contact_pose)
+        contact = Contact(world, segment, segment.kind, segment.contact_object, segment.contact_pose)
         contacts.append(contact)
         if contact.by_tool:
             contacts.append(_tool_grasp(world, segment))

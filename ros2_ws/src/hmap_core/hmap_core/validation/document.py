@@ -132,6 +132,17 @@ class SegmentData:
     kind: str
     contact_pose: np.ndarray | None
 
+    @property
+    def contact_object(self) -> str:
+        """The object in contact.
+
+        Raises:
+            ValueError: the segment is a transit.
+        """
+        if self.object is None:
+            raise ValueError(f"the {self.kind} segment of '{self.robot}' at {self.start:.3f} s has no object")
+        return self.object
+
 
 @dataclass(frozen=True)
 class Document:
@@ -203,7 +214,7 @@ def _gripper(reader: Reader | None) -> GripperData | None:
         reader.get("finger_links").fail("a gripper has at least one finger link")
     joint_names, at_zero, table = reader.get("joint_names").texts(), reader.find("at_zero"), reader.find("openings")
     openings = np.zeros(0) if table is None else table.array((None,))
-    if len(openings) == 1 or np.any(np.diff(openings) <= 0.0):
+    if table is not None and (len(openings) == 1 or np.any(np.diff(openings) <= 0.0)):
         table.fail("two or more increasing numbers are needed, or none")
     return GripperData(
         joint_names=joint_names,

@@ -2,6 +2,7 @@
 
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -79,4 +80,5 @@ def _obj_points(path: Path) -> np.ndarray:
 def _other_points(path: Path) -> np.ndarray:
     import trimesh  # slow to import, and not needed for OBJ files
 
-    return np.asarray(trimesh.load(path, force="mesh").vertices, float)
+    mesh: Any = trimesh.load(path, force="mesh")  # declared without the attributes of a mesh
+    return np.asarray(mesh.vertices, float)

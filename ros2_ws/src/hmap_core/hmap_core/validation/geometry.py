@@ -1,5 +1,6 @@
 """Convex shapes: exact distances with coal, bounding boxes, and vertices."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -129,7 +130,12 @@ def _coal_convex(vertices: np.ndarray, triangles: np.ndarray) -> coal.ShapeBase:
     return coal.Convex(points, faces)
 
 
-_PRIMITIVES = {"box": _box, "cylinder": _cylinder, "sphere": _sphere, "capsule": _capsule}
+_PRIMITIVES: dict[str, Callable[..., Solid]] = {
+    "box": _box,
+    "cylinder": _cylinder,
+    "sphere": _sphere,
+    "capsule": _capsule,
+}
 
 
 @lru_cache(maxsize=256)
@@ -149,6 +155,8 @@ def solid(kind: str, size: tuple[float, ...], mesh: str | None = None) -> Solid:
     """
     if kind in _PRIMITIVES:
         return _PRIMITIVES[kind](*size)
+    if mesh is None:
+        raise invalid_plan(f"a shape of kind {kind!r} needs a mesh file")
     return hull(mesh_points(locate(mesh)) * np.asarray(size), f"mesh {mesh!r}")
 
 

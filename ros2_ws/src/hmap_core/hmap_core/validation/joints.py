@@ -25,10 +25,10 @@ def _tracks(world: World) -> list[JointTrack]:
     tracks = []
     for name, robot in world.arms.items():
         d = robot.data
-        for i, joint in enumerate(d.joint_names):
+        for i, joint_name in enumerate(d.joint_names):
             low, high = d.position_limits[:, i]
             q, v, a = world.document.joints[name][:, i], d.velocity_limits[i], d.acceleration_limits[i]
-            tracks.append(JointTrack((name, joint), q, low, high, v, a))
+            tracks.append(JointTrack((name, joint_name), q, low, high, v, a))
         for joint in robot.tree.joints:
             if d.gripper is not None and joint.name in d.gripper.joint_names:
                 q = world.values[name][joint.name]

@@ -86,9 +86,10 @@ class PairBuilder:
 
     def _self_pair(self, a: Part, b: Part) -> Pair | None:
         robot = self._world.arms[a.holder]
-        if a.link == b.link or robot.adjacent(a.link, b.link):
+        link_a, link_b = a.robot_link, b.robot_link
+        if link_a == link_b or robot.adjacent(link_a, link_b):
             return None
-        if frozenset((a.link, b.link)) in robot.data.ignored_collisions:
+        if frozenset((link_a, link_b)) in robot.data.ignored_collisions:
             return None
         motion_a, motion_b = self._links[a], self._links[b]
         # joints between the base and both links move them together

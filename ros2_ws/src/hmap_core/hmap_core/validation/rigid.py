@@ -46,7 +46,8 @@ def rotated(R: np.ndarray, axis: np.ndarray, angles: np.ndarray) -> np.ndarray:
 def from_rpy(rpy: np.ndarray) -> np.ndarray:
     """Rotation matrix (3, 3) of fixed-axis roll, pitch, yaw in radians (the URDF convention)."""
     roll, pitch, yaw = (np.array([angle], float) for angle in rpy)
-    Rz, Ry, Rx = about_axis((0, 0, 1), yaw), about_axis((0, 1, 0), pitch), about_axis((1, 0, 0), roll)
+    x, y, z = np.eye(3)
+    Rz, Ry, Rx = about_axis(z, yaw), about_axis(y, pitch), about_axis(x, roll)
     return (Rz @ Ry @ Rx)[0]
 
 

@@ -93,6 +93,20 @@ def _numbers(text: str | None, default: tuple[float, ...]) -> np.ndarray:
     return np.array(text.split() if text else default, float)
 
 
+def _attribute(element: Element, key: str) -> str:
+    value = element.get(key)
+    if value is None:
+        raise ValueError(f"a <{element.tag}> has no attribute '{key}'")
+    return value
+
+
+def _child(element: Element, tag: str) -> Element:
+    found = element.find(tag)
+    if found is None:
+        raise ValueError(f"a <{element.tag}> has no <{tag}>")
+    return found
+
+
 def _origin(element: Element) -> tuple[np.ndarray, np.ndarray]:
     origin = element.find("origin")
     if origin is None:
@@ -103,25 +117,25 @@ def _origin(element: Element) -> tuple[np.ndarray, np.ndarray]:
 def _joint(element: Element) -> Joint:
     axis_element, limit, mimic = element.find("axis"), element.find("limit"), element.find("mimic")
     axis = _numbers(axis_element.get("xyz") if axis_element is not None else None, (1, 0, 0))
-    kind = element.get("type")
+    kind = _attribute(element, "type")
     if kind in MOVING:
         axis = axis / np.linalg.norm(axis)
-    bounded = limit is not None and kind != "continuous"
+    bounds = None if kind == "continuous" else limit
     R, p = _origin(element)
     return Joint(
-        name=element.get("name"),
+        name=_attribute(element, "name"),
         kind=kind,
-        parent=element.find("parent").get("link"),
-        child=element.find("child").get("link"),
+        parent=_attribute(_child(element, "parent"), "link"),
+        child=_attribute(_child(element, "child"), "link"),
         origin_R=R,
         origin_p=p,
         axis=axis,
-        lower=float(limit.get("lower", 0.0)) if bounded else -np.inf,
-        upper=float(limit.get("upper", 0.0)) if bounded else np.inf,
+        lower=float(bounds.get("lower", 0.0)) if bounds is not None else -np.inf,
+        upper=float(bounds.get("upper", 0.0)) if bounds is not None else np.inf,
         velocity=float(limit.get("velocity", "inf")) if limit is not None else np.inf,
         mimic=None
         if mimic is None
-        else (mimic.get("joint"), float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))),
+        else (_attribute(mimic, "joint"), float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))),
     )
 
 
@@ -142,14 +156,15 @@ def _mesh_file(name: str, urdf: Path) -> Path:
 def _collision_solid(geometry: Element, urdf: Path) -> Solid:
     child = geometry[0]
     if child.tag == "mesh":
-        points = mesh_points(_mesh_file(child.get("filename"), urdf)) * _numbers(child.get("scale"), (1, 1, 1))
-        return hull(points, child.get("filename"))
+        name = _attribute(child, "filename")
+        points = mesh_points(_mesh_file(name, urdf)) * _numbers(child.get("scale"), (1, 1, 1))
+        return hull(points, name)
     if child.tag == "box":
         return solid("box", tuple(_numbers(child.get("size"), ()).tolist()))
     if child.tag == "sphere":
-        return solid("sphere", (float(child.get("radius")),))
+        return solid("sphere", (float(_attribute(child, "radius")),))
     if child.tag in ("cylinder", "capsule"):
-        return solid(child.tag, (float(child.get("radius")), float(child.get("length"))))
+        return solid(child.tag, (float(_attribute(child, "radius")), float(_attribute(child, "length"))))
     raise invalid_plan(
         f"{urdf}: unknown collision geometry {child.tag!r}; allowed: mesh, box, sphere, cylinder, capsule"
     )
@@ -159,7 +174,8 @@ def _link_shapes(element: Element, urdf: Path) -> list[LinkShape]:
     shapes = []
     for collision in element.findall("collision"):
         R, p = _origin(collision)
-        shapes.append(LinkShape(element.get("name"), _collision_solid(collision.find("geometry"), urdf), R, p))
+        shape = _collision_solid(_child(collision, "geometry"), urdf)
+        shapes.append(LinkShape(_attribute(element, "name"), shape, R, p))
     return shapes
 
 
@@ -190,7 +206,7 @@ def load(uri: str) -> Urdf:
     try:
         robot = ElementTree.parse(path).getroot()
         joints = [_joint(element) for element in robot.findall("joint")]
-        links = [element.get("name") for element in robot.findall("link")]
+        links = [_attribute(element, "name") for element in robot.findall("link")]
         shapes = [shape for element in robot.findall("link") for shape in _link_shapes(element, path)]
     except (ElementTree.ParseError, AttributeError, ValueError, TypeError, IndexError) as error:
         raise invalid_plan(f"{path}: not a readable URDF ({error})") from error

@@ -57,6 +57,17 @@ class Part:
     R: np.ndarray
     p: np.ndarray
 
+    @property
+    def robot_link(self) -> str:
+        """The link of a robot's part.
+
+        Raises:
+            ValueError: it is a part of a body.
+        """
+        if self.link is None:
+            raise ValueError(f"'{self.owner}' is a body and has no link")
+        return self.link
+
     @cached_property
     def reach(self) -> float:
         """Largest distance of a point of the shape from the frame of its body or link, m."""
@@ -179,7 +190,7 @@ class World:
     def link_motion(self, part: Part) -> dict[str, np.ndarray]:
         """Bounds on the motion of any point of a robot's part in each step: joint -> (N-1,) in metres."""
         return self.arms[part.holder].motion_bounds(
-            part.link, part.reach, self.values[part.holder], self.state.links[part.holder]
+            part.robot_link, part.reach, self.values[part.holder], self.state.links[part.holder]
         )
 
     def relative_motion(self, link: Part, body: Part) -> np.ndarray:
@@ -196,10 +207,10 @@ class World:
         Returns:
             (N-1,) in metres.
         """
-        R, p = rigid.relative(*self.state.links[link.holder][link.link], *self.state.bodies[body.holder])
+        R, p = rigid.relative(*self.state.links[link.holder][link.robot_link], *self.state.bodies[body.holder])
         turned, moved = rigid.step_angles(R), np.linalg.norm(np.diff(p, axis=0), axis=1)
         spin, speed = self._steps[body.holder][1], self.body_motion(body)
-        turn, slide, length = self._rates[link.holder, link.link]
+        turn, slide, length = self._rates[link.holder, link.robot_link]
         far = np.linalg.norm(p[:-1], axis=1) + body.reach + speed + length + turn * length + slide
         own = spin**2 * body.reach
         carried = turn * (turn * (far + length) + speed + 2.0 * slide)

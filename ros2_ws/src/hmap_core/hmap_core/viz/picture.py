@@ -70,7 +70,7 @@ def _contacts(plan: Plan) -> list[Segment]:
 
 def _contact_point(plan: Plan, segment: Segment) -> np.ndarray:
     k = index_at(plan.trajectory.time, segment.start)
-    return transforms.multiply(plan.trajectory.objects[segment.object][k], segment.contact_pose)[:3]
+    return transforms.multiply(plan.trajectory.objects[segment.contact_object][k], segment.T_obj_manipulator)[:3]
 
 
 def _moment(plan: Plan, segment: Segment) -> int:

@@ -121,7 +121,7 @@ class ObjectChecker:
     def _keep(self, min_distance: float) -> None:
         self.min_distance = min_distance
         self.contact_at_end = self._ends < min_distance  # (2, SB) within min_distance at the start, at the goal
-        self.contact = self.contact_at_end.any(axis=0)
+        self.contact = np.asarray(self.contact_at_end.any(axis=0))
         self.required = np.maximum(
             np.minimum(min_distance, self._ends.min(axis=0) - CONTACT_SLACK), -PENETRATION_ALLOWED
         )

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from functools import lru_cache
 from threading import RLock
 from types import SimpleNamespace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -211,7 +211,7 @@ class Query:
 
 @lru_cache(maxsize=1)
 def _validator_class() -> type:
-    base = modules().base
+    base: Any = modules().base
 
     class Validator(base.MotionValidator):
         """Whole motions by hmap's checks."""

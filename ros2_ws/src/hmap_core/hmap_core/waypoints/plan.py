@@ -111,7 +111,7 @@ def _failure(
     return NoObjectPath(
         f"no {kinds} path of '{central.body.name}' to its goal was found: {what}{removal_note}",
         tuple(straight + frontier),
-        removal and removal.names,
+        removal.names if removal else None,
         path,
     )
 

@@ -107,10 +107,10 @@ def _nodes(
     middles = [_in_the_middle(checker, T) for T in (start, goal)]
     poses += middles + [turned for T in (start, goal, *middles) for turned in _turned(checker, T)]
     poses += [np.concatenate([T[:3], q]) for T in list(poses) for q in (start[3:], goal[3:])]
-    poses = np.array(poses)
-    near = kernels.all_lengths(poses, radius) <= SAME_POSE
-    new = [k for k in range(len(poses)) if k < 2 or not near[k, :k].any()]
-    return poses[[k for k in new if k < 2 or checker.pose_free(poses[k])]]
+    nodes = np.array(poses)
+    near = kernels.all_lengths(nodes, radius) <= SAME_POSE
+    new = [k for k in range(len(nodes)) if k < 2 or not near[k, :k].any()]
+    return nodes[[k for k in new if k < 2 or checker.pose_free(nodes[k])]]
 
 
 @njit(cache=True)

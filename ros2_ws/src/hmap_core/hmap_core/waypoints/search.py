@@ -52,7 +52,7 @@ class MotionSpace:
     def __init__(self, problem: ObjectPathProblem, planar: bool):
         self.problem, self.planar = problem, planar
         self.checkers: list[ObjectChecker] = []
-        self.bounds: np.ndarray | None = None
+        self.bounds: np.ndarray
         self.infeasible = False
         self._exits: list[tuple[list[np.ndarray], list[np.ndarray]]] = []  # of start and goal, for each checker
 
@@ -100,9 +100,8 @@ class MotionSpace:
                 self.infeasible = separated(self.checkers[-1], start, goal, self.bounds)
             if self.infeasible:
                 return None
-            self._exits.append(
-                tuple([T, *exits(checker, T, o, self.bounds)] for T, o in ((start, goal), (goal, start)))
-            )
+            starts, goals = ([T, *exits(checker, T, o, self.bounds)] for T, o in ((start, goal), (goal, start)))
+            self._exits.append((starts, goals))
         for checker, (starts, goals) in zip(self.checkers, self._exits, strict=True):
             path = rrt_path(checker, starts, goals, self.bounds, rng, budget, GROWTH**number)
             if path is not None:

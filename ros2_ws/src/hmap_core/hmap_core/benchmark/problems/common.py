@@ -63,7 +63,7 @@ def transfer_motion(
     before = Target(attachment.robot, 0, multiply(start, retracted(attachment.T_obj_ee, approach[0])), approach[1])
     contact = Target(attachment.robot, 0, multiply(start, attachment.T_obj_ee))
     end = Target(attachment.robot, 1, multiply(goal, attachment.T_obj_ee))
-    raised = ()
+    raised: tuple[Target, ...] = ()
     if lift is not None:
         up = np.array([0.0, 0.0, lift[0], 0.0, 0.0, 0.0, 0.0])
         raised = (

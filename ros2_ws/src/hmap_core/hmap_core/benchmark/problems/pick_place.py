@@ -50,7 +50,7 @@ def _sample_instance(seed: int, rng: np.random.Generator) -> MotionInstance | No
     )
     # from above, closing along the y axis of the box
     contact = from_rpy((0.0, 0.0, size[2] / 2 - GRASP_DEPTH), (np.pi, 0.0, rng.choice((0.0, np.pi))))
-    opening = min(size[1] + 2 * FINGER_ROOM, robot.model.gripper.open_opening)
+    opening = min(size[1] + 2 * FINGER_ROOM, robot.model.require_gripper().open_opening)
     bodies = [table(), box(BOX, size, start, BodyKind.MOVABLE), wall]
     scene = scene_of("pick_place", seed, bodies, [robot], Goal(BOX, goal))
     attachment = Attachment(robot.name, BOX, 1, contact)

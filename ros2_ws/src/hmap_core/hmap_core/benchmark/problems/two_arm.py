@@ -28,8 +28,9 @@ def _sample_instance(seed: int, rng: np.random.Generator) -> MotionInstance | No
     steps = STEPS[seed % len(STEPS)]
     targets = []
     for phase in range(len(steps)):
-        configuration = {robot.name: _in_shared_space(robot, rng) for robot in robots}
-        if any(q is None for q in configuration.values()) or clearance(scene, opening, configuration, SAFE) < SAFE:
+        found = [(robot.name, _in_shared_space(robot, rng)) for robot in robots]
+        configuration = {name: q for name, q in found if q is not None}
+        if len(configuration) < len(robots) or clearance(scene, opening, configuration, SAFE) < SAFE:
             return None
         targets += [Target(r.name, phase, end_effector(r, configuration[r.name])) for r in robots]
     return MotionInstance(scene, opening, steps, tuple(targets), restarts=RESTARTS, seed=seed)

@@ -38,7 +38,7 @@ def above(
     T_frame_object: np.ndarray,
     bottom: float,
     T_reference_support: np.ndarray,
-    half_size: Sequence[float],
+    half_size: Sequence[float] | np.ndarray,
     reference: int = 0,
 ) -> tuple[Feature, Feature]:
     """The equality and the inequality that keep an object on a support (KOMO's ``above``, with standing upright).

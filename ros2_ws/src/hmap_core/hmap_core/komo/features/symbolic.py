@@ -22,7 +22,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import casadi
 import numpy as np
@@ -183,8 +183,8 @@ def evaluator(function: casadi.Function):
     arrays = [np.zeros(size) for size in sizes]
     buffer, evaluate = function.buffer()
     for i in range(2):
-        buffer.set_arg(i, memoryview(arrays[i]))
-        buffer.set_res(i, memoryview(arrays[2 + i]))
+        buffer.set_arg(i, arrays[i].data)
+        buffer.set_res(i, arrays[2 + i].data)
     lock = threading.Lock()
 
     @GENERATED
@@ -203,7 +203,10 @@ def evaluator(function: casadi.Function):
 
 
 def _doubles(address: int, size: int) -> np.ndarray:
-    return np.frombuffer((ctypes.c_double * size).from_address(address)) if size else np.zeros(0)
+    if not size:
+        return np.zeros(0)
+    numbers = (ctypes.c_double * size).from_address(address)
+    return np.frombuffer(numbers)  # type: ignore[call-overload]  # its buffer protocol is declared from Python 3.12 on
 
 
 class SymbolicMap:
@@ -230,8 +233,13 @@ class SymbolicMap:
             raise InputError(f"feature '{name}' has {self.dim} components; allowed: 1 to {MAX_DIM}")
         file = library(f, compiler) if compiler else None
         self.compiled = file is not None
-        self._kept = ctypes.CDLL(str(file)) if file else evaluator(f)
-        code = getattr(self._kept, f.name()) if file else self._kept[0]
+        self._kept: Any
+        if file:
+            self._kept = ctypes.CDLL(str(file))
+            code = getattr(self._kept, f.name())
+        else:
+            self._kept = evaluator(f)
+            code = self._kept[0]
         self._description = np.zeros(_SIZE, np.int64)
         self._description[[_CODE, _DIM, _FRAMES, _PARAMS]] = _address(code), self.dim, frames, params
         self._description[[_ARGUMENTS, _RESULTS, _INTEGERS, _REALS]] = f.sz_arg(), f.sz_res(), f.sz_iw(), f.sz_w()
@@ -239,7 +247,10 @@ class SymbolicMap:
 
 
 def _address(function) -> int:
-    return ctypes.cast(function, ctypes.c_void_p).value
+    address = ctypes.cast(function, ctypes.c_void_p).value
+    if address is None:
+        raise ValueError(f"{function} is at no address")
+    return address
 
 
 @cache  # features hold addresses: what they point to stays

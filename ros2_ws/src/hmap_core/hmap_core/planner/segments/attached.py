@@ -40,7 +40,7 @@ def with_attached(scene: Scene, part: SubTrajectory) -> SubTrajectory:
         pose = inverse(T_ee_attached)
         segment = replace(segment, kind=grasp_kind(scene), object=attached.name, contact_pose=pose)
     else:
-        pose = multiply(segment.contact_pose, T_ee_attached)
+        pose = multiply(segment.T_obj_manipulator, T_ee_attached)
         segment = replace(segment, manipulator=attached.name, contact_pose=pose)
     objects = part.trajectory.objects | {attached.name: moved}
     return SubTrajectory(replace(part.trajectory, objects=objects), (segment,))

@@ -151,7 +151,7 @@ def _carried(
     scene: Scene, state: SceneState, object: str, contact: RobotContact, object_poses: np.ndarray, rng, deadline: float
 ) -> list[SubTrajectory]:
     """The parts of the segment itself, with finer steps along the object's path where coarse ones cut a corner."""
-    failure = None
+    failure = MotionError("no fineness was tried")
     for fineness in FINENESS:
         try:
             return ContactSegment(scene, state, object, contact, object_poses, fineness).solve(rng, deadline)

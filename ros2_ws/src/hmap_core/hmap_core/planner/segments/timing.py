@@ -40,8 +40,14 @@ def timed_transit(scene: Scene, robot: str, path: np.ndarray) -> np.ndarray:
 
 
 def ramp(gripper: Gripper | None, a: float, b: float) -> np.ndarray:
-    """Openings (N,) from a to b (m) at the gripper's speed, then at rest while it settles; none where a is b."""
+    """Openings (N,) from a to b (m) at the gripper's speed, then at rest while it settles; none where a is b.
+
+    Raises:
+        ValueError: the opening changes, and there is no gripper.
+    """
     if abs(a - b) < SAME_OPENING:
         return np.zeros(0)
+    if gripper is None:
+        raise ValueError(f"no gripper that could open from {a} to {b} m")
     moving = int(np.ceil(abs(b - a) / gripper.speed / SAMPLE_PERIOD))
     return np.concatenate([np.linspace(a, b, moving + 1), np.full(int(SETTLE / SAMPLE_PERIOD), b)])

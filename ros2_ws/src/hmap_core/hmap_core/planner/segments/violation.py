@@ -32,6 +32,8 @@ class Violation:
 
     def __str__(self) -> str:
         if self.pair is None:
+            if self.joint is None:
+                raise ValueError("a violation names a pair or a joint")
             return f"joint {self.joint + 1} exceeds its limit by {self.amount:.2g} between steps"
         return f"{self.part}, {' and '.join(self.pair)} are {self.amount * 1e3:.1f} mm too close between steps"
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from hmap_core.planner.attached_path import attached_paths
 from hmap_core.planner.context import SearchContext
@@ -15,6 +16,9 @@ from hmap_core.planner.surroundings import nearest_first
 from hmap_core.planner.tasks import PathTask
 from hmap_core.planner.tools import with_tool_placed
 
+if TYPE_CHECKING:
+    from hmap_core.planner.search import Search
+
 HANDS_TRIED = 3  # contacts of a robot for which a path is planned
 
 
@@ -27,7 +31,7 @@ class AttachedPathStrategy:
         """Always."""
         return True
 
-    def solve(self, search, task: PathTask) -> Outcome:
+    def solve(self, search: "Search", task: PathTask) -> Outcome:
         """Try the contacts of the nearest robot first."""
         record = search.context.record
         for path in self._paths(search.context, task):

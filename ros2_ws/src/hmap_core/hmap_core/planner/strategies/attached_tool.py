@@ -1,7 +1,12 @@
 """Contacts with the tool that a robot holds already."""
 
+from typing import TYPE_CHECKING
+
 from hmap_core.planner.outcome import Outcome
 from hmap_core.planner.tasks import WaypointTask
+
+if TYPE_CHECKING:
+    from hmap_core.planner.search import Search
 
 
 class AttachedToolStrategy:
@@ -13,6 +18,6 @@ class AttachedToolStrategy:
         """Whether a tool is attached."""
         return task.sequence.tool_grasp is not None
 
-    def solve(self, search, task: WaypointTask) -> Outcome:
+    def solve(self, search: "Search", task: WaypointTask) -> Outcome:
         """Try contacts of that tool."""
         return search.try_contacts(task, task.sequence.tool_grasp)

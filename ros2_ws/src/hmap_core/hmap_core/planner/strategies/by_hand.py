@@ -1,8 +1,13 @@
 """Contacts by the bare hand at one waypoint."""
 
+from typing import TYPE_CHECKING
+
 from hmap_core.planner.outcome import Outcome
 from hmap_core.planner.tasks import WaypointTask
 from hmap_core.planner.tools import tools_of
+
+if TYPE_CHECKING:
+    from hmap_core.planner.search import Search
 
 LITTLE = 8  # poses of the path; where there are tools, contacts by hand that serve for fewer come last
 SAMPLINGS = 3  # of contacts by hand before tools are considered, which takes ten times as long
@@ -17,7 +22,7 @@ class ByHandToTheEnd:
         """Whether a tool is attached."""
         return task.sequence.tool_grasp is not None
 
-    def solve(self, search, task: WaypointTask) -> Outcome:
+    def solve(self, search: "Search", task: WaypointTask) -> Outcome:
         """Try contacts that cover the rest of the path."""
         return search.try_contacts(task, min_reach=len(task.ahead) - 1)
 
@@ -31,7 +36,7 @@ class ByHand:
         """Always."""
         return True
 
-    def solve(self, search, task: WaypointTask) -> Outcome:
+    def solve(self, search: "Search", task: WaypointTask) -> Outcome:
         """Try contacts; where there are tools, sample them SAMPLINGS times first."""
         if not tools_of(task.context.scene, task.object):
             return search.try_contacts(task)
@@ -47,6 +52,6 @@ class ByHandWhereverItReaches:
         """Whether there are tools."""
         return bool(tools_of(task.context.scene, task.object))
 
-    def solve(self, search, task: WaypointTask) -> Outcome:
+    def solve(self, search: "Search", task: WaypointTask) -> Outcome:
         """Try all contacts."""
         return search.try_contacts(task)

@@ -1,6 +1,7 @@
 """A robot picks a tool, and moves the object with it."""
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from hmap_core.exceptions import MotionError
 from hmap_core.planner import steps
@@ -9,6 +10,9 @@ from hmap_core.planner.outcome import Failure, Outcome, Solution
 from hmap_core.planner.steps import TRIES_WITH_TOOL
 from hmap_core.planner.tasks import WaypointTask
 from hmap_core.planner.tools import tools_of
+
+if TYPE_CHECKING:
+    from hmap_core.planner.search import Search
 
 GRASPS_TRIED = 6  # on tools, at one waypoint
 
@@ -22,7 +26,7 @@ class NewTool:
         """Whether there are tools."""
         return bool(tools_of(task.context.scene, task.object))
 
-    def solve(self, search, task: WaypointTask) -> Outcome:
+    def solve(self, search: "Search", task: WaypointTask) -> Outcome:
         """Try up to GRASPS_TRIED grasps. Contacts are found before the tool is picked."""
         context, record = task.context, task.context.record
         sequence = steps.place_tool(context, task.sequence)
@@ -40,7 +44,7 @@ class NewTool:
                 return replace(outcome, tool_grasp=grasp)
         return record.last_failure()
 
-    def _with(self, search, task: WaypointTask, grasp: ToolGrasp) -> Outcome:
+    def _with(self, search: "Search", task: WaypointTask, grasp: ToolGrasp) -> Outcome:
         """Find contacts of a tool, pick it, and move the object with it."""
         context = task.context
         contacts = steps.find_contacts(task, steps.Manipulator.of(task, grasp), TRIES_WITH_TOOL)

@@ -1,5 +1,7 @@
 """H-MaP's own order: the path of the object alone, then contacts and motions along it."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from hmap_core.contacts.grippable import grippable
@@ -16,6 +18,9 @@ from hmap_core.planner.tools import with_tool_placed
 from hmap_core.types import Goal, Scene, SceneState, TaskMode
 from hmap_core.waypoints import NoObjectPath, ObjectPath
 
+if TYPE_CHECKING:
+    from hmap_core.planner.search import Search
+
 PATHS_AT_FIRST = 3  # object paths in the first round, as long as they lead to no contact at all
 TASK_CHECKS = 500_000  # motions checked for one path of the task's object, some 5 s
 OBSTACLE_CHECKS = 100_000  # motions checked for the path of an obstacle to one of several places
@@ -30,13 +35,15 @@ class ObjectPathStrategy:
         """Always."""
         return True
 
-    def solve(self, search, task: PathTask) -> Outcome:
+    def solve(self, search: "Search", task: PathTask) -> Outcome:
         """Plan a path and follow it; in the first round further paths, as long as they lead to no contact.
 
         The failure ends the round if there is no path, or if an obstacle on it cannot be removed.
         """
-        context, seen = search.context, []
-        counts, outcome = context.record.counts, context.record.last_failure()
+        context = search.context
+        seen: list[np.ndarray] = []
+        counts = context.record.counts
+        outcome: Outcome = context.record.last_failure()
         tries = counts["contact_tries"]
         for _ in range(PATHS_AT_FIRST if task.number == 0 else 1):
             context.report("waypoints", text=f"path of '{task.object}' {task.subgoal.reason}")
@@ -57,7 +64,7 @@ class ObjectPathStrategy:
                 break
         return outcome
 
-    def _follow(self, search, task: PathTask, blockers: tuple[str, ...]) -> Outcome:
+    def _follow(self, search: "Search", task: PathTask, blockers: tuple[str, ...]) -> Outcome:
         what = f", with {', '.join(blockers)} in the way" if blockers else ""
         with search.context.record.tree.attempt(f"path of {len(task.poses)} poses{what}"):
             task.ready = None

@@ -1,5 +1,7 @@
 """Paths made of pushes, each on one side of the object (Lynch & Mason, IJRR 1996)."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from hmap_core.contacts.push_path import PushPlanner
@@ -9,6 +11,9 @@ from hmap_core.planner.tasks import PathTask
 from hmap_core.planner.tools import with_tool_placed
 from hmap_core.types import Scene, SceneState
 from hmap_core.waypoints import ObjectPathProblem
+
+if TYPE_CHECKING:
+    from hmap_core.planner.search import Search
 
 VARIANTS = 3  # of paths made of pushes, for one object path
 
@@ -30,10 +35,11 @@ class PushedPaths:
         """Whether the task is physical, there is a free path, and several contacts may be used along it."""
         return task.ready is not None and not task.subgoal.whole and not task.kinematic
 
-    def solve(self, search, task: PathTask) -> Outcome:
+    def solve(self, search: "Search", task: PathTask) -> Outcome:
         """Follow up to VARIANTS different paths of pushes."""
         context = search.context
-        state = with_tool_placed(task.ready.state, task.ready.tool_grasp)
+        ready = task.require_ready()
+        state = with_tool_placed(ready.state, ready.tool_grasp)
         pushes, known = push_planner(context.scene, state, task.object, task.poses), [task.poses]
         for variant in range(task.number, task.number + VARIANTS):
             pushed = pushes.path(task.poses, context.rng if variant else None)
@@ -41,7 +47,7 @@ class PushedPaths:
                 continue
             known.append(pushed)
             with context.record.tree.attempt(f"{len(pushed)} poses"):
-                outcome = search.follow(task.subgoal, task.ready, pushed)
+                outcome = search.follow(task.subgoal, ready, pushed)
             if isinstance(outcome, Solution) or outcome.ends_round:
                 return outcome
         return context.record.last_failure()

@@ -1,7 +1,12 @@
 """Keep a subgoal as it was planned."""
 
+from typing import TYPE_CHECKING
+
 from hmap_core.planner.outcome import Outcome, Solution
 from hmap_core.planner.strategies.repair.base import RepairTask
+
+if TYPE_CHECKING:
+    from hmap_core.planner.search import Search
 
 
 class AsPlanned:
@@ -17,6 +22,6 @@ class AsPlanned:
             return False
         return repair.objects_as_planned(subgoal, state) and repair.is_free(subgoal, state, subgoal.first, subgoal.last)
 
-    def solve(self, search, task: RepairTask) -> Outcome:
+    def solve(self, search: "Search", task: RepairTask) -> Outcome:
         """Copy the motion."""
         return Solution(task.sequence.after(task.repair.copied(task.subgoal, task.subgoal.first)))

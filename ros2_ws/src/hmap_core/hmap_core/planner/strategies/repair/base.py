@@ -51,7 +51,7 @@ class RepairTask:
         repair, contact = self.repair, self.subgoal.only_contact
         if contact is None or repair.by_tool(contact):
             return None
-        name = contact.segment.object
+        name = contact.segment.contact_object
         rows = repair.plan.trajectory.objects[name]
         first = max(contact.begin, repair.at)
         moved, turned = pose_steps(rows[first : contact.end + 1], POSITION_STEP, ROTATION_STEP)

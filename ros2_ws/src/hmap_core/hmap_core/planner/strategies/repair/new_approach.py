@@ -1,6 +1,7 @@
 """Keep a subgoal, but plan the way to its first contact anew."""
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from hmap_core.planner.planned_contacts import contact_of
 from hmap_core.planner.strategies.repair.base import NOT_APPLICABLE, RepairTask
 from hmap_core.planner.surroundings import away_from_home
 from hmap_core.types import SceneState, Segment, Trajectory
+
+if TYPE_CHECKING:
+    from hmap_core.planner.search import Search
 
 REST = 3  # samples at rest in a contact, with which the judge sees a way to it
 
@@ -29,7 +33,7 @@ class NewApproach:
             return False
         return repair.is_free(subgoal, state, subgoal.begin, subgoal.last)
 
-    def solve(self, search, task: RepairTask) -> Outcome:
+    def solve(self, search: "Search", task: RepairTask) -> Outcome:
         """Plan the way and copy the rest."""
         repair, state, context = task.repair, task.state, search.context
         kept = task.subgoal.contacts[0]
@@ -39,7 +43,7 @@ class NewApproach:
         contact = RobotContact(robot, contact_of(repair.plan, kept), 0, q[None], away)
         try:
             way = segments.come(
-                repair.scene, state, contact, kept.segment.object, context.child_rng(), repair.time_left()
+                repair.scene, state, contact, kept.segment.contact_object, context.child_rng(), repair.time_left()
             )
         except MotionError as error:
             return Failure.of(error)
@@ -58,6 +62,6 @@ def _at_rest(state: SceneState, contact: Segment, period: float) -> SubTrajector
         time,
         {contact.robot: np.tile(state.q[contact.robot], (REST, 1))},
         {contact.robot: np.full(REST, state.gripper[contact.robot])},
-        {contact.object: np.tile(state.poses[contact.object], (REST, 1))},
+        {contact.contact_object: np.tile(state.poses[contact.contact_object], (REST, 1))},
     )
     return SubTrajectory(trajectory, (replace(contact, start=0.0, end=float(time[-1])),))

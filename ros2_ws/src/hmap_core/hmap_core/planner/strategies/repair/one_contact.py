@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import chain
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from hmap_core.planner.strategies.repair.base import RepairTask
 from hmap_core.planner.surroundings import nearest_first
 from hmap_core.types import ContactPoint, Goal, SceneState, SegmentKind
 
+if TYPE_CHECKING:
+    from hmap_core.planner.search import Search
+
 ATTACHED_CHECKS = 500  # motions checked for a path of an object with a hand attached; most that are found need none
 PATH_CHECKS = 20_000  # motions checked for another path of an object; those that are found need fewer than 1000
 CONTACTS = 2  # searched, and tried, on a path
@@ -34,7 +38,7 @@ class OneContact:
         """Always."""
         return True
 
-    def solve(self, search, task: RepairTask) -> Outcome:
+    def solve(self, search: "Search", task: RepairTask) -> Outcome:
         """Try the old path first if it is free, else paths for a hand; then other paths."""
         context, repair = search.context, task.repair
         goal, old = repair.goal_of(task.subgoal), task.old_path()

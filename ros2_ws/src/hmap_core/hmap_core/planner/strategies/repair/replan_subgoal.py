@@ -1,9 +1,14 @@
 """Achieve a subgoal by Algorithm 1."""
 
+from typing import TYPE_CHECKING
+
 from hmap_core.exceptions import Code, PlannerError
 from hmap_core.planner.outcome import Failure, Outcome, Solution
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
 from hmap_core.planner.strategies.repair.base import RepairTask
+
+if TYPE_CHECKING:
+    from hmap_core.planner.search import Search
 
 
 class ReplanSubgoal:
@@ -16,7 +21,7 @@ class ReplanSubgoal:
         """Always."""
         return True
 
-    def solve(self, search, task: RepairTask) -> Outcome:
+    def solve(self, search: "Search", task: RepairTask) -> Outcome:
         """Run the search for this subgoal alone."""
         if task.subgoal is task.repair.ahead[-1]:
             return Failure.of(PlannerError("nothing of the old plan serves any more", Code.NO_MOTION))

@@ -1,5 +1,7 @@
 """Keep contact and object path of a subgoal, from where the object stands now."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from hmap_core.exceptions import Code
@@ -8,6 +10,9 @@ from hmap_core.planner.outcome import Failure, Outcome, Solution
 from hmap_core.planner.planned_contacts import contact_of
 from hmap_core.planner.strategies.repair.base import NOT_APPLICABLE, RepairTask
 from hmap_core.planner.surroundings import away_from_home
+
+if TYPE_CHECKING:
+    from hmap_core.planner.search import Search
 
 
 class SameContact:
@@ -21,14 +26,14 @@ class SameContact:
         contact = task.subgoal.only_contact
         return contact is not None and not task.repair.by_tool(contact)
 
-    def solve(self, search, task: RepairTask) -> Outcome:
+    def solve(self, search: "Search", task: RepairTask) -> Outcome:
         """Plan the motion of the arm, if the rigid hand can still follow the path."""
         repair, state, context, old = task.repair, task.state, search.context, task.old_path()
         if old is None:
             return Failure("motion", Code.NO_MOTION, NOT_APPLICABLE)
         samples, poses = old
         kept = task.subgoal.contacts[0]
-        robot, name = kept.segment.robot, kept.segment.object
+        robot, name = kept.segment.robot, kept.segment.contact_object
         q, away = repair.plan.trajectory.joints[robot][samples], away_from_home(repair.scene, state, robot)
         contact = RobotContact(robot, contact_of(repair.plan, kept), len(poses) - 1, q, away)
         query = context.contact_query(repair.scene, state, name, poses, robot, np.random.default_rng(0))
