@@ -1,6 +1,6 @@
 """Checks of the numbers in messages."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Sized
 from typing import Any
 
 import numpy as np
@@ -86,7 +86,7 @@ def one_of(name: str, value: str, allowed: Sequence[str]) -> str:
     return text
 
 
-def same_length(name: str, values: Sequence, expected: int, of: str) -> None:
+def same_length(name: str, values: Sized, expected: int, of: str) -> None:
     """Check for ``expected`` values, the number of ``of``.
 
     Raises:

@@ -39,7 +39,7 @@ def cloud_to_message(
         ConversionError: a value is not allowed.
     """
     columns = [finite("points", points, (None, 3)).astype(np.float32)]
-    names = POINT_FIELDS
+    names: tuple[str, ...] = POINT_FIELDS
     if normals is not None:
         same_length("normals", normals, len(points), "points")
         columns.append(unit("normals", normals, (None, 3)).astype(np.float32))
