@@ -12,10 +12,12 @@ from plugin_fixtures import MODULE, install
 
 from hmap_core import planner
 from hmap_core.exceptions import InputError
+from hmap_core.plan_file import to_dict
 from hmap_core.planner import HmapPlanner, plugins
 from hmap_core.planner.object_path import BidirectionalSearch
 from hmap_core.planner.protocols import ContactProposer, ManipulationPlanner, ObjectPathPlanner
 from hmap_core.planner.sampled_contacts import SampledContacts
+from hmap_core.validation import check
 
 TIME_LIMIT = 120.0  # s; a busy machine is slow
 
@@ -125,3 +127,14 @@ def test_plugins_are_listed_with_origin_and_version(foreign):
     rows = {(row["group"], row["name"]): (row["origin"], row["version"]) for row in json.loads(ran.stdout)}
     assert rows["hmap.contact_proposers", "last_first"] == ("foreign-parts", "1.2")
     assert rows["hmap.planners", "hmap"][0] == "hmap_core"
+
+
+@pytest.mark.parametrize("transit", ["hmap", "ompl:RRTConnect"])
+def test_transits_are_searched_by_the_planner_that_is_named(tmp_path, transit):
+    made = planner.plan(carry(tmp_path), seed=1, time_limit=TIME_LIMIT, transit=transit)
+    assert check(to_dict(made)).valid
+
+
+def test_an_unknown_planner_of_ompl_is_refused(tmp_path):
+    with pytest.raises(InputError, match="'ompl:Dijkstra' is unknown; allowed: .*RRTConnect"):
+        planner.plan(carry(tmp_path), transit="ompl:Dijkstra")

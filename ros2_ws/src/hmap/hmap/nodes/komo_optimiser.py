@@ -9,7 +9,7 @@ from hmap.node import HmapNode, run
 from hmap.phase_conversions import contact_from_message, motion_to_response, point_from_message
 from hmap.requests import scene_and_state, time_limit
 from hmap_core.exceptions import Code, ContactError, InputError
-from hmap_core.planner import ContactQuery, RobotContact, SegmentQuery
+from hmap_core.planner import ContactQuery, RobotContact, SegmentQuery, plugins
 from hmap_core.planner.contact_checker import LocalContactChecker
 from hmap_core.planner.komo_segments import KomoSegmentPlanner
 from hmap_msgs.srv import CheckContacts, SolveSegment
@@ -24,7 +24,9 @@ class KomoOptimiser(HmapNode):
     def __init__(self):
         super().__init__("komo_optimiser")
         self._time_limit = self.parameter("time_limit", 30.0, "s, of a request that names none", 0.01, 3600.0)
-        self._checker, self._segments = LocalContactChecker(), KomoSegmentPlanner()
+        name = self.parameter("transit_planner", "hmap", "searches transits of arms; see `hmap plugins`")
+        self._checker = LocalContactChecker()
+        self._segments = KomoSegmentPlanner(plugins.create(plugins.TRANSIT_PLANNERS, name))
         self.serve(CheckContacts, "check_contacts", self._check)
         self.serve(SolveSegment, "solve_segment", self._solve)
 

@@ -32,6 +32,8 @@ def parts_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--object-path", metavar="NAME", help=text)
     text = f"proposes contacts before they are sampled (sampled); {listed}"
     parser.add_argument("--proposer", metavar="NAME", help=text)
+    text = f"searches transits of arms where the optimiser finds none (hmap, two trees); {listed}"
+    parser.add_argument("--transit", metavar="NAME", help=text)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -54,6 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
                 planner=arguments.planner,
                 object_path=arguments.object_path,
                 proposer=arguments.proposer,
+                transit=arguments.transit,
                 progress=lambda p: line.planning(p.phase, p.waypoint, p.waypoints, p.attempt, p.text),
             )
         except HmapError as error:

@@ -12,6 +12,34 @@ from hmap_core.planner.transit import CHECKS, TransitChecks, find_transit
 from hmap_core.waypoints.ompl_solver import Query, Space, box_bounds, known_planner, modules, seeded
 
 
+class OmplTransit:
+    """Implements :class:`hmap_core.planner.protocols.TransitPlanner` by a planner of OMPL.
+
+    Args:
+        name: class name of a geometric planner of OMPL, such as RRTConnect.
+
+    Raises:
+        InputError: OMPL is not installed, or has no such planner.
+    """
+
+    def __init__(self, name: str = ""):
+        self._name = known_planner(name)
+
+    def find_transit(
+        self,
+        moves: HandMoves,
+        chain: Chain,
+        cols: Collisions,
+        mask: int,
+        start: np.ndarray,
+        goal: np.ndarray,
+        rng: np.random.Generator,
+        deadline: float,
+    ) -> np.ndarray | None:
+        """As :func:`find_transit_ompl`."""
+        return find_transit_ompl(self._name, moves, chain, cols, mask, start, goal, rng, deadline)
+
+
 def find_transit_ompl(
     name: str, moves: HandMoves, chain: Chain, cols: Collisions, mask: int, start: np.ndarray, goal: np.ndarray,
     rng: np.random.Generator, deadline: float,

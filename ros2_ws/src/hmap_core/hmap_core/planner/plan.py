@@ -8,7 +8,8 @@ from hmap_core.planner import plugins
 from hmap_core.planner.components import PlannerComponents, local_components
 from hmap_core.planner.hmap_planner import DEFAULT_TIME_LIMIT, HmapPlanner
 from hmap_core.planner.interfaces import ProgressCallback, ToolGrasp
-from hmap_core.planner.protocols import Cancel, ContactProposer, ManipulationPlanner, ObjectPathPlanner
+from hmap_core.planner.komo_segments import KomoSegmentPlanner
+from hmap_core.planner.protocols import Cancel, ContactProposer, ManipulationPlanner, ObjectPathPlanner, TransitPlanner
 from hmap_core.types import Plan, Scene, SceneState
 
 
@@ -21,6 +22,7 @@ def plan(
     planner: str | ManipulationPlanner = plugins.DEFAULT_PLANNER,
     object_path: str | ObjectPathPlanner | None = None,
     proposer: str | ContactProposer | None = None,
+    transit: str | TransitPlanner | None = None,
     components: PlannerComponents | None = None,
     clouds: Mapping[str, Cloud] | None = None,
     tool_grasp: ToolGrasp | None = None,
@@ -37,7 +39,8 @@ def plan(
         planner: the method, by name (``hmap plugins`` lists them) or as an object.
         object_path: plans the path of the object, by name or as an object; None: hmap's own search.
         proposer: proposes contacts before they are sampled, by name or as an object; None: they are only sampled.
-        components: all parts of H-MaP at once, instead of the two above.
+        transit: searches transits where the optimiser finds none, by name or as an object; None: hmap's own trees.
+        components: all parts of H-MaP at once, instead of the three above.
         clouds: what cameras measured on each object, in its own frame.
         tool_grasp: the grasp on the tool that a robot holds at the start, if one does.
         progress: called whenever something new begins.
@@ -48,7 +51,7 @@ def plan(
         HmapError: stage, code and reason of the failure; its attribute ``search`` has the search tree, if the method
             keeps one.
     """
-    method = create_planner(planner, object_path, proposer, components, clouds, tool_grasp)
+    method = create_planner(planner, object_path, proposer, transit, components, clouds, tool_grasp)
     return method.plan(scene, state, seed, time_limit, progress, cancel)
 
 
@@ -56,6 +59,7 @@ def create_planner(
     planner: str | ManipulationPlanner = plugins.DEFAULT_PLANNER,
     object_path: str | ObjectPathPlanner | None = None,
     proposer: str | ContactProposer | None = None,
+    transit: str | TransitPlanner | None = None,
     components: PlannerComponents | None = None,
     clouds: Mapping[str, Cloud] | None = None,
     tool_grasp: ToolGrasp | None = None,
@@ -66,15 +70,22 @@ def create_planner(
         InputError: a name is unknown, or an option does not fit the method.
     """
     method = plugins.create(plugins.PLANNERS, planner) if isinstance(planner, str) else planner
-    given = {"object_path": object_path, "proposer": proposer, "components": components, "tool_grasp": tool_grasp}
+    given = {
+        "object_path": object_path,
+        "proposer": proposer,
+        "transit": transit,
+        "components": components,
+        "tool_grasp": tool_grasp,
+    }
     if not isinstance(method, HmapPlanner):
         unfit = [name for name, value in given.items() if value is not None]
         if unfit:
             raise InputError(f"the planner {planner!r} has no option {', '.join(unfit)}; only 'hmap' has")
         return method
-    if components is None and (object_path is not None or proposer is not None):
+    if components is None and not object_path is proposer is transit is None:
         components = local_components(
             plugins.resolve(plugins.OBJECT_PATH_PLANNERS, object_path),
             plugins.resolve(plugins.CONTACT_PROPOSERS, proposer),
+            segments=KomoSegmentPlanner(plugins.resolve(plugins.TRANSIT_PLANNERS, transit)),
         )
     return HmapPlanner(components or method.components, clouds or method.clouds, tool_grasp or method.tool_grasp)

@@ -17,10 +17,12 @@ from hmap_core.exceptions import InputError
 
 OBJECT_PATH_PLANNERS = "hmap.object_path_planners"  # of ObjectPathPlanner
 CONTACT_PROPOSERS = "hmap.contact_proposers"  # of ContactProposer
+TRANSIT_PLANNERS = "hmap.transit_planners"  # of TransitPlanner
 PLANNERS = "hmap.planners"  # of ManipulationPlanner
 KINDS = {
     OBJECT_PATH_PLANNERS: ("object-path planner", "plan_path"),
     CONTACT_PROPOSERS: ("contact proposer", "propose"),
+    TRANSIT_PLANNERS: ("transit planner", "find_transit"),
     PLANNERS: ("planner", "plan"),
 }  # group -> what it is called, and the method that a part of it has
 DEFAULT_PLANNER = "hmap"
@@ -30,6 +32,10 @@ _BUILT_IN = {
         "ompl": "hmap_core.planner.ompl_object_path:ompl_object_path",
     },
     CONTACT_PROPOSERS: {"sampled": "hmap_core.planner.sampled_contacts:SampledContacts"},
+    TRANSIT_PLANNERS: {
+        "hmap": "hmap_core.planner.transit:TreeTransit",
+        "ompl": "hmap_core.planner.ompl_transit:OmplTransit",
+    },
     PLANNERS: {"hmap": "hmap_core.planner.hmap_planner:HmapPlanner"},
 }
 _registered: dict[str, dict[str, "Plugin"]] = {group: {} for group in KINDS}

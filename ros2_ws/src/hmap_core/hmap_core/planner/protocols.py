@@ -11,7 +11,10 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from hmap_core.collision.scene_model import Collisions
 from hmap_core.contacts.camera import Cloud
+from hmap_core.kinematics.chain import Chain
+from hmap_core.planner.hand_moves import HandMoves
 from hmap_core.planner.interfaces import ProgressCallback, RobotContact, SubTrajectory, ToolGrasp
 from hmap_core.types import AttachedBody, ContactPoint, Goal, Plan, Scene, SceneState
 from hmap_core.waypoints import ObjectPath
@@ -223,6 +226,35 @@ class SegmentPlanner(Protocol):
 
     def plan_place(self, query: ToolQuery) -> SubTrajectory:
         """Plan the motion in which a robot places its tool where it picked it. Raises MotionError."""
+        ...
+
+
+@runtime_checkable
+class TransitPlanner(Protocol):
+    """Searches a joint path of one robot where the optimiser finds none."""
+
+    def find_transit(
+        self,
+        moves: HandMoves,
+        chain: Chain,
+        cols: Collisions,
+        mask: int,
+        start: np.ndarray,
+        goal: np.ndarray,
+        rng: np.random.Generator,
+        deadline: float,
+    ) -> np.ndarray | None:
+        """Return configurations (m, n) of a free path from start to goal (n,); None where none was found.
+
+        Args:
+            moves: straight moves of the hand by inverse kinematics.
+            chain: the joints.
+            cols: collision pairs with their minimum distances.
+            mask: bit mask of the phases that count.
+            start, goal: (n,) rad.
+            rng: the only source of randomness.
+            deadline: ``time.monotonic()`` after which the search ends.
+        """
         ...
 
 

@@ -120,6 +120,24 @@ class _Tree:
 Connect = Callable[[TransitChecks, HandMoves, np.ndarray, np.ndarray, np.random.Generator, float], np.ndarray | None]
 
 
+class TreeTransit:
+    """Implements :class:`hmap_core.planner.protocols.TransitPlanner` by hmap's own trees: :func:`find_transit`."""
+
+    def find_transit(
+        self,
+        moves: HandMoves,
+        chain: Chain,
+        cols: Collisions,
+        mask: int,
+        start: np.ndarray,
+        goal: np.ndarray,
+        rng: np.random.Generator,
+        deadline: float,
+    ) -> np.ndarray | None:
+        """As :func:`find_transit`."""
+        return find_transit(moves, chain, cols, mask, start, goal, rng, deadline)
+
+
 def find_transit(
     moves: HandMoves, chain: Chain, cols: Collisions, mask: int, start: np.ndarray, goal: np.ndarray,
     rng: np.random.Generator, deadline: float, connect: Connect | None = None,

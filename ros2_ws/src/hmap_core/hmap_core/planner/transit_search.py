@@ -19,6 +19,9 @@ ROOMS = (0.01, 0.005)  # m round what is held that are asked for, one after the 
 STRAYS = 0.0005  # m that a way may come nearer than the last of these
 
 
+FindTransit = Callable[..., np.ndarray | None]  # the arguments and the result of find_transit
+
+
 class TransitSearch:
     """What a robot meets on its way from one configuration to another.
 
@@ -38,7 +41,7 @@ class TransitSearch:
         start: np.ndarray,
         goal: np.ndarray,
         mask: int,
-        find: Callable[..., np.ndarray | None] = find_transit,
+        find: FindTransit = find_transit,
     ):
         self._chain, self._cols, self._mask = manipulation.model.chain, cols, mask
         self._start, self._goal, self._find = start, goal, find

@@ -31,8 +31,8 @@ from hmap_core.planner.segments.timing import ramp, timed_contact, timed_transit
 from hmap_core.planner.segments.transits import path_options, straight, transit_steps
 from hmap_core.planner.segments.verification import Masks, find_violations, worst_between_steps
 from hmap_core.planner.segments.violation import Part, PathResult, Violation
-from hmap_core.planner.transit import resampled
-from hmap_core.planner.transit_search import TransitSearch
+from hmap_core.planner.transit import find_transit, resampled
+from hmap_core.planner.transit_search import FindTransit, TransitSearch
 from hmap_core.trajectory.timing import spline
 from hmap_core.transforms import consistent, inverse, multiply, multiply_all
 from hmap_core.types import Scene, SceneState, SegmentKind
@@ -55,6 +55,7 @@ class ContactSegment:
         contact: the robot's contact with it, with configurations at the poses.
         object_poses: (K, 7) its path.
         fineness: share of the usual step along that path.
+        find: searches a transit where the optimiser finds none.
     """
 
     def __init__(
@@ -65,7 +66,9 @@ class ContactSegment:
         contact: RobotContact,
         object_poses: np.ndarray,
         fineness: float = 1.0,
+        find: FindTransit = find_transit,
     ):
+        self._find = find
         self.scene, self.state, self.object = scene, state, object
         self.robot, self.contact = contact.robot, contact.contact
         self.manipulation = Manipulation(scene, state, contact.robot, object)
@@ -139,7 +142,7 @@ class ContactSegment:
         steps, mask = transit_steps(self.start, before[-1]), bit(Phase.TRANSIT)
         problem = make(steps)
         cols = relaxed(problem.chain, problem.arrays(), self.start, mask)
-        search = TransitSearch(self.manipulation, self.collisions, cols, self.start, before[-1], mask)
+        search = TransitSearch(self.manipulation, self.collisions, cols, self.start, before[-1], mask, self._find)
         until = min(deadline, time.monotonic() + SEARCH_TIME)
         result = self._solved(problem, cols, straight(self.start, before[-1], steps), before, after)
         found = result.path

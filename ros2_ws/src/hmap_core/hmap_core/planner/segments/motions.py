@@ -13,6 +13,8 @@ from hmap_core.planner.segments.lift_off import lift_path, vertical
 from hmap_core.planner.segments.parts import joined_parts, last_configuration
 from hmap_core.planner.segments.timing import SAME_OPENING
 from hmap_core.planner.segments.transits import standing_collision, transit
+from hmap_core.planner.transit import find_transit
+from hmap_core.planner.transit_search import FindTransit
 from hmap_core.types import Scene, SceneState
 
 FINENESS = (1.0, 0.3)  # shares of the step along the object's path that are tried
@@ -26,6 +28,7 @@ def solve_segment(
     object_poses: np.ndarray,
     rng: np.random.Generator,
     time_limit: float,
+    find: FindTransit = find_transit,
 ) -> SubTrajectory:
     """Plans the motion in which ``contact`` carries the object along object_poses (K, 7), from the present state.
 
@@ -35,13 +38,19 @@ def solve_segment(
         MotionError: NO_MOTION, with the constraint that stays violated and where.
     """
     deadline = time.monotonic() + time_limit
-    parts, cleared = _prepared(scene, state, contact, object, rng, deadline)
-    parts += _carried(scene, cleared, object, contact, object_poses, rng, deadline)
+    parts, cleared = _prepared(scene, state, contact, object, rng, deadline, find)
+    parts += _carried(scene, cleared, object, contact, object_poses, rng, deadline, find)
     return joined_parts(scene, state, parts)
 
 
 def pick(
-    scene: Scene, state: SceneState, contact: RobotContact, body: str, rng: np.random.Generator, time_limit: float
+    scene: Scene,
+    state: SceneState,
+    contact: RobotContact,
+    body: str,
+    rng: np.random.Generator,
+    time_limit: float,
+    find: FindTransit = find_transit,
 ) -> SubTrajectory:
     """The motion in which a robot grasps a body where it stands, and lifts it where there is room.
 
@@ -49,8 +58,9 @@ def pick(
         MotionError: NO_MOTION.
     """
     deadline, robot = time.monotonic() + time_limit, contact.robot
-    parts, cleared = _prepared(scene, state, contact, body, rng, deadline)
-    parts.append(ContactSegment(scene, cleared, body, contact, state.poses[body][None]).come(rng, deadline))
+    parts, cleared = _prepared(scene, state, contact, body, rng, deadline, find)
+    segment = ContactSegment(scene, cleared, body, contact, state.poses[body][None], find=find)
+    parts.append(segment.come(rng, deadline))
     cleared.q[robot] = last_configuration(parts, robot)
     cleared.gripper[robot] = parts[-1].trajectory.gripper[robot][-1]
     grasped = attach_body(scene, robot, body, contact.contact, state.poses[body])
@@ -94,6 +104,7 @@ def place(
     T_place: np.ndarray,
     rng: np.random.Generator,
     time_limit: float,
+    find: FindTransit = find_transit,
 ) -> SubTrajectory:
     """The motion in which a robot places the body in its grasp at T_place (7,), where its configuration is
     keyframes[0].
@@ -106,14 +117,20 @@ def place(
     there = state.copy()
     there.q[robot], there.poses[body] = contact.keyframes[0], T_place
     path = lift_path(grasped, there, robot, there.q[robot])
-    above = transit(grasped, state, robot, path[-1], rng, deadline)
+    above = transit(grasped, state, robot, path[-1], rng, deadline, find)
     lowering = vertical(grasped, there, robot, path, down=True)
     retreat = ContactSegment(scene, there, body, contact, T_place[None]).leave()
     return joined_parts(scene, state, [with_attached(grasped, above), with_attached(grasped, lowering), retreat])
 
 
 def _prepared(
-    scene: Scene, state: SceneState, contact: RobotContact, object: str, rng, deadline: float
+    scene: Scene,
+    state: SceneState,
+    contact: RobotContact,
+    object: str,
+    rng: np.random.Generator,
+    deadline: float,
+    find: FindTransit = find_transit,
 ) -> tuple[list[SubTrajectory], SceneState]:
     """What comes before a robot goes to a contact, and the state after it.
 
@@ -123,7 +140,7 @@ def _prepared(
     cleared = state.copy()
     for other in contact.clear:
         home = scene.robots[other].model.home
-        parts.append(with_attached(scene, transit(scene, cleared, other, home, rng, deadline)))
+        parts.append(with_attached(scene, transit(scene, cleared, other, home, rng, deadline, find)))
         cleared.q[other] = last_configuration(parts, other)
     return [*parts, *_rise_to_open(scene, cleared, contact, object)], cleared
 
@@ -148,13 +165,21 @@ def _rise_to_open(scene: Scene, state: SceneState, contact: RobotContact, object
 
 
 def _carried(
-    scene: Scene, state: SceneState, object: str, contact: RobotContact, object_poses: np.ndarray, rng, deadline: float
+    scene: Scene,
+    state: SceneState,
+    object: str,
+    contact: RobotContact,
+    object_poses: np.ndarray,
+    rng: np.random.Generator,
+    deadline: float,
+    find: FindTransit,
 ) -> list[SubTrajectory]:
     """The parts of the segment itself, with finer steps along the object's path where coarse ones cut a corner."""
     failure = MotionError("no fineness was tried")
     for fineness in FINENESS:
         try:
-            return ContactSegment(scene, state, object, contact, object_poses, fineness).solve(rng, deadline)
+            segment = ContactSegment(scene, state, object, contact, object_poses, fineness, find)
+            return segment.solve(rng, deadline)
         except CutCorner as error:
             failure = error
     raise failure

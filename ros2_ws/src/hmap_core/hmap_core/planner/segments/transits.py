@@ -16,7 +16,8 @@ from hmap_core.planner.interfaces import SubTrajectory
 from hmap_core.planner.segments.parts import at_rest
 from hmap_core.planner.segments.timing import timed_transit
 from hmap_core.planner.segments.verification import is_free
-from hmap_core.planner.transit_search import TransitSearch
+from hmap_core.planner.transit import find_transit
+from hmap_core.planner.transit_search import FindTransit, TransitSearch
 from hmap_core.types import Scene, SceneState
 
 JOINT_STEP = 0.2  # rad between two steps of a transit, about
@@ -44,9 +45,23 @@ def standing_collision(
 
 
 def transit(
-    scene: Scene, state: SceneState, robot: str, q: np.ndarray, rng: np.random.Generator, deadline: float
+    scene: Scene,
+    state: SceneState,
+    robot: str,
+    q: np.ndarray,
+    rng: np.random.Generator,
+    deadline: float,
+    find: FindTransit = find_transit,
 ) -> SubTrajectory:
-    """A transit of a robot to the configuration q (n,), past everything that stands.
+    """Plan a transit of a robot past everything that stands.
+
+    Args:
+        scene, state: the world, and where everything is.
+        robot: name of the robot.
+        q: (n,) goal configuration, rad.
+        rng: the only source of randomness.
+        deadline: ``time.monotonic()`` after which the search ends.
+        find: searches a transit where the optimiser finds none.
 
     Raises:
         MotionError: NO_MOTION.
@@ -60,7 +75,7 @@ def transit(
     path = np.concatenate([start[None], result.path]) if result.feasible else None
     if path is not None and not is_free(chain, verification(cols), path):
         path = None
-    search = TransitSearch(manipulation, problem.collisions, cols, start, q, 1)
+    search = TransitSearch(manipulation, problem.collisions, cols, start, q, 1, find)
     if path is None or not search.has_room(path):
         searched = _first_free(chain, verification(cols), search.ways(rng, deadline, path is None))
         path = path if searched is None else searched
