@@ -28,7 +28,7 @@ class KomoSegmentPlanner:
         Raises:
             MotionError: NO_MOTION, with the constraint that stays violated.
         """
-        scene, object, contact, poses = query.scene, query.object, query.contact, query.object_poses
+        scene, contact, poses = query.scene, query.contact, query.object_poses
         if scene.mode == TaskMode.PHYSICAL and not (scene.motion == "planar" and query.object == scene.goal.object):
             around = placed_bodies(scene, query.state, query.object)
             contact, poses = lifted(scene, query.state, query.object, contact, poses, around, TURNING_SHARE)
