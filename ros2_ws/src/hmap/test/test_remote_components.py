@@ -1,16 +1,12 @@
 """What the planners' services answer reaches Algorithm 1 as it would from a direct call, failures included."""
 
 from dataclasses import replace
-from functools import partial
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from services import Serving
 
 from hmap.conversions import state_from_message, state_to_message
-from hmap.nodes.contact_proposer import ContactProposerNode
-from hmap.nodes.komo_optimiser import KomoOptimiser
-from hmap.nodes.waypoint_planner import WaypointPlanner
 from hmap.phase_conversions import path_to_response
 from hmap.remote_components import MAX_SEED, RosContactChecker, RosObjectPathPlanner, remote_components
 from hmap.requests import error_from_message
@@ -19,8 +15,6 @@ from hmap_core.plan_file import to_dict
 from hmap_core.planner import ContactQuery, ObjectPathQuery, plan
 from hmap_core.planner.components import proposers
 from hmap_core.planner.contact_checker import LocalContactChecker
-from hmap_core.planner.komo_segments import KomoSegmentPlanner
-from hmap_core.planner.object_path import BidirectionalSearch
 from hmap_core.planner.segments import attach_body
 from hmap_core.scenes import load_scene
 from hmap_core.transforms import multiply, pose
@@ -30,7 +24,6 @@ from hmap_core.waypoints import NoObjectPath, ObjectPath
 from hmap_msgs.srv import PlanWaypoints
 from hmap_msgs_py.errors import error_to_message
 
-LIMIT = 30.0  # s, of a request that names none
 PLANNING = 120.0  # s on a busy machine
 PUSH_OUT = """
 schema: 1
@@ -94,32 +87,6 @@ def test_what_blocks_and_the_path_without_it_come_over_the_service():
 def test_without_a_path_in_the_answer_there_is_none():
     error = asked(blocked())
     assert error.free_without == ("crate",) and error.path_without is None
-
-
-class Serving:
-    """Stands in for the caller of services: asks what the nodes serve in this process, by messages."""
-
-    def __init__(self):
-        checker = LocalContactChecker()
-        paths = SimpleNamespace(_planner=BidirectionalSearch(), _time_limit=LIMIT)
-        contacts = SimpleNamespace(_proposers=proposers(None), _checker=checker, _time_limit=LIMIT, _count=40)
-        motions = SimpleNamespace(_checker=checker, _segments=KomoSegmentPlanner(), _time_limit=LIMIT)
-        self._handlers = {
-            "plan_waypoints": partial(WaypointPlanner._plan, paths),
-            "propose_contacts": partial(ContactProposerNode._propose, contacts),
-            "check_contacts": partial(KomoOptimiser._check, motions),
-            "solve_segment": partial(KomoOptimiser._solve, motions),
-        }
-        self.called: list[str] = []
-        self.sampled = 0  # contacts checked, as the responses say
-
-    def call(self, service, name, request, limit):
-        response = service.Response()
-        self.called.append(name)
-        self._handlers[name](request, response)
-        if name == "propose_contacts":
-            self.sampled += response.sampled
-        return response
 
 
 @pytest.fixture(scope="module")

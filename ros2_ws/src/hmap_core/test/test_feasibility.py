@@ -176,7 +176,7 @@ def test_drawing_back_is_straight_and_free(scene):
 
 
 def test_collision_pairs_say_what_may_touch_in_each_phase(scene):
-    """The fingers may be at the box while they hold it, and nowhere near in the air."""
+    """The fingers may be at the box while they hold it, and must keep away in transit."""
     task, contact = manipulation(scene), FROM_ABOVE[0]
     T = scene.bodies["brick"].pose
     cols = task.collisions(contact, T, T)
@@ -197,7 +197,7 @@ def test_collision_pairs_say_what_may_touch_in_each_phase(scene):
 
 
 def test_what_is_held_moves_no_faster_than_the_model_says(tmp_path):
-    """A motion bound that forgot the object in the hand would skip checks of it."""
+    """A motion bound that forgot the attached object would skip checks of it."""
     rng = np.random.default_rng(2)
     task = manipulation(carry(tmp_path))
     contact = grasp((0, 0, -1), (0, 1, 0), (0.4, 0, 0))  # as if it were long

@@ -10,8 +10,9 @@ from simulation_fixtures import box, scene
 from hmap_core.exceptions import InputError
 from hmap_core.komo.features import pose_params
 from hmap_core.komo.ik import solve_ik
-from hmap_core.komo.manipulation import Manipulation, Phase, bit
+from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.path_collisions import path_violations
+from hmap_core.komo.segment import Phase, bit
 from hmap_core.planner.ompl_transit import find_transit_ompl
 from hmap_core.planner.transit_search import TransitSearch
 from hmap_core.transforms import pose

@@ -87,7 +87,7 @@ def promising(
     release: np.ndarray,
     least: int,
 ) -> tuple[list[int], np.ndarray]:
-    """The contacts worth asking an arm for, by the hand alone: their indices, and how far each of all (K,) could serve.
+    """The contacts that pass the checks of the rigid hand: their indices, and how far each of all (K,) could serve.
 
     At most MAX_SOLVED, the farthest-reaching first, of these the ones for which the arm need not stretch. None of them
     ends before pose ``least`` of object_poses (M, 7), nor where ``release`` (M,) says that it may not be let go.
@@ -219,9 +219,9 @@ def carried(
         q: (n,) configuration in contact at the first pose.
         release: (M,) poses at which the object may be let go.
     """
-    holding = ik_problem(manipulation, manipulation.carrying_collisions(contact), Phase.HOLD)
+    carrying = ik_problem(manipulation, manipulation.carrying_collisions(contact), Phase.HOLD)
     targets = pose_params_all(manipulation.T_tip_ee, multiply_all(object_poses, contact.T_obj_ee))
-    path = follow_ik(holding, targets, q, MAX_JUMP)
+    path = follow_ik(carrying, targets, q, MAX_JUMP)
     if len(object_poses) == 1:
         return path
     places = np.flatnonzero(release[: len(path)])[::-1]

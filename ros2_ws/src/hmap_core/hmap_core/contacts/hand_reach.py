@@ -54,7 +54,7 @@ def hand_reach(R_obj, p_obj, R_ee, p_ee, back, R_tip, p_tip, tip, near, far, hol
         R_ee, p_ee: (K, 3, 3), (K, 3) end-effector frames of the contacts, object frame.
         back: (K, 3) where the end-effector draws back to, object frame.
         R_tip, p_tip: tip frame in the end-effector frame; tip: its number.
-        near, far, hold: bit masks of phases: touching, in the air, carrying.
+        near, far, hold: bit masks of phases: touching, in transit, carrying.
         at_start: collision pairs with the object standing at the first pose; on_path: those without the object.
 
     Returns:
@@ -69,18 +69,18 @@ def hand_reach(R_obj, p_obj, R_ee, p_ee, back, R_tip, p_tip, tip, near, far, hol
     moves_start, moves_path = _tip_pairs(at_start, tip), _tip_pairs(on_path, tip)
     centers_start = np.empty((at_start.frame.shape[0], 3))
     centers_path = np.empty((on_path.frame.shape[0], 3))
-    hints_start = np.zeros((at_start.a.shape[0], 9), np.int16)
-    hints_path = np.zeros((on_path.a.shape[0], 9), np.int16)
+    guesses_start = np.zeros((at_start.a.shape[0], 9), np.int16)
+    guesses_path = np.zeros((on_path.a.shape[0], 9), np.int16)
     for k in range(K):
         last[0] = -1
         if not _free(
             R_obj[0], p_obj[0], R_ee[k], p_ee[k], R_tip, p_tip, near, tip, at_start, moves_start, R, p, centers_start,
-            hints_start, witness, work, last,
+            guesses_start, witness, work, last,
         ):  # fmt: skip
             continue
         if not _free(
             R_obj[0], p_obj[0], R_ee[k], back[k], R_tip, p_tip, far, tip, at_start, moves_start, R, p, centers_start,
-            hints_start, witness, work, last,
+            guesses_start, witness, work, last,
         ):  # fmt: skip
             continue
         bound[k] = 0
@@ -89,7 +89,7 @@ def hand_reach(R_obj, p_obj, R_ee, p_ee, back, R_tip, p_tip, tip, near, far, hol
         for m in range(1, M):
             if not _free(
                 R_obj[m], p_obj[m], R_ee[k], p_ee[k], R_tip, p_tip, hold, tip, on_path, moves_path, R, p, centers_path,
-                hints_path, witness, work, last,
+                guesses_path, witness, work, last,
             ):  # fmt: skip
                 end = m - 1
                 break
@@ -97,7 +97,7 @@ def hand_reach(R_obj, p_obj, R_ee, p_ee, back, R_tip, p_tip, tip, near, far, hol
         for m in range(end, 0, -1):
             if _free(
                 R_obj[m], p_obj[m], R_ee[k], back[k], R_tip, p_tip, far, tip, on_path, moves_path, R, p, centers_path,
-                hints_path, witness, work, last,
+                guesses_path, witness, work, last,
             ):  # fmt: skip
                 bound[k] = m
                 break

@@ -1,4 +1,4 @@
-"""A motion of one robot through the air, to a configuration or to a pose of its end-effector, without any object."""
+"""A transit of one robot to a configuration or to a pose of its end effector, without any object."""
 
 import time
 from itertools import cycle
@@ -18,7 +18,7 @@ DEFAULT_TIME_LIMIT = 10.0  # s
 IK_STARTS = 64  # random configurations, beside the present one and home, from which inverse kinematics begins
 CONFIGURATIONS = 8  # solutions of it that are tried as goals, the nearest first
 SAME_CONFIGURATION = 0.05  # rad; solutions that differ by less are one
-ROUNDING = 1e-4  # rad beyond a joint limit that is put down to rounding
+ROUNDING = 1e-4  # rad beyond a joint limit that counts as rounding
 UNIT = 1e-4  # what the norm of a quaternion may be off 1
 
 
