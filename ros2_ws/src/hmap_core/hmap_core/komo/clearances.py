@@ -128,7 +128,7 @@ class Clearances:
         found = []
         for k, (place, phases) in enumerate(runs):
             known = [run[0].T for run in runs[max(0, k - 1) : k + 2] if run[0].frame == 0]
-            known += [T for T in self._targets(name, phases) if not any(np.array_equal(T, other) for other in known)]
+            known = list({T.tobytes(): T for T in (*known, *self._targets(name, phases))}.values())
             prescribed = place.frame > 0 and self._skeleton.prescribes(name, phases)
             found.append(_Stay(name, place, mask(phases), known, prescribed))
         return found

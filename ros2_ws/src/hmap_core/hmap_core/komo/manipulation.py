@@ -27,20 +27,22 @@ from hmap_core.types import ContactKind, ContactPoint, Scene, SceneState
 WORKSPACES_KEPT = 8  # for the next contact or motion in the same state
 
 
-_WORKSPACES: OrderedDict[tuple, Workspace] = OrderedDict()  # the last WORKSPACES_KEPT
+# A workspace and its packed one-step problems, by phase.
+Shared = tuple[Workspace, dict[Phase, SkeletonProblem]]
+_SHARED: OrderedDict[tuple, Shared] = OrderedDict()  # the last WORKSPACES_KEPT
 
 
-def _workspace(scene: Scene, state: SceneState, robot: str) -> Workspace:
+def _shared(scene: Scene, state: SceneState, robot: str) -> Shared:
     """The workspace of one moving robot in a scene; contacts and motions from one state share it."""
     states = (values.items() for values in (state.q, state.poses))
     placed = tuple((name, value.tobytes()) for values in states for name, value in values)
     key = id(scene), robot, placed, tuple(state.gripper.items())
-    known = _WORKSPACES.get(key)
+    known = _SHARED.get(key)
     if known is None:
         # it holds the scene, so that no other one gets its id
-        known = _WORKSPACES[key] = Workspace(scene, state.copy(), [robot])
-        if len(_WORKSPACES) > WORKSPACES_KEPT:
-            _WORKSPACES.popitem(last=False)
+        known = _SHARED[key] = Workspace(scene, state.copy(), [robot]), {}
+        if len(_SHARED) > WORKSPACES_KEPT:
+            _SHARED.popitem(last=False)
     return known
 
 
@@ -65,11 +67,10 @@ class Manipulation:
 
     def __post_init__(self):
         self.arm = load_arm(self.scene.robots[self.robot].model)
-        self.workspace = _workspace(self.scene, self.state, self.robot)
+        self.workspace, self._ik = _shared(self.scene, self.state, self.robot)
         self.model = self.workspace.model
         self.tip, self.T_tip_ee = self.workspace.end_effector(self.robot)
         self._near: dict[tuple, CollisionModel] = {}
-        self._ik: dict[Phase, SkeletonProblem] = {}
 
     @property
     def handled(self) -> str:

@@ -10,7 +10,7 @@ from enum import IntEnum
 import numpy as np
 
 from hmap_core.komo.skeleton import Skeleton, SkeletonEntry, Symbol
-from hmap_core.transforms import multiply, multiply_all, pose
+from hmap_core.transforms import multiply, pose, rotation_matrix
 from hmap_core.types import ContactKind, ContactPoint, Robot
 
 # how far the hand draws back from a contact, m
@@ -99,7 +99,10 @@ def retreat_entry(robot: str, contact: ContactPoint, T_world_obj: np.ndarray) ->
 
 def _drawn_back(contact: ContactPoint, T_world_obj: np.ndarray, shares: np.ndarray) -> np.ndarray:
     """World poses (S, 7) of the hand, drawn back by shares (S,) of the retreat distance."""
-    return multiply_all(T_world_obj, np.array([retreated(contact, share) for share in shares]))
+    touching = multiply(T_world_obj, contact.T_obj_ee)
+    poses = np.tile(touching, (len(shares), 1))
+    poses[:, :3] -= shares[:, None] * retreat_distance(contact) * (rotation_matrix(touching) @ contact.approach)
+    return poses
 
 
 # --- skeletons
