@@ -12,7 +12,7 @@ setup(
     install_requires=["numpy"],
     extras_require={"bags": ["rosbags"]},
     packages=find_packages(exclude=["test"]),
-    package_data={PACKAGE: ["definitions/**/*"]},
+    package_data={PACKAGE: ["definitions/**/*", "py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

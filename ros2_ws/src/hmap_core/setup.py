@@ -29,6 +29,7 @@ setup(
     ],
     extras_require={"bench": ["robotic==0.4.2"], "dask": ["dask[distributed]"]},
     packages=find_packages(exclude=["test"]),
+    package_data={PACKAGE: ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
