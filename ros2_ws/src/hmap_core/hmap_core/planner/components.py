@@ -71,6 +71,6 @@ def local_components(
 
 def proposers(first: ContactProposer | None) -> tuple[ContactProposer, ...]:
     """A proposer with the one that samples as its fallback; None: contacts are only sampled."""
-    if first is None or isinstance(first, SampledContacts):
+    if first is None or type(first) is SampledContacts:  # one that is derived from it is another one
         return (SampledContacts(),)
     return first, SampledContacts()
