@@ -26,27 +26,29 @@ class Record:
     Attributes:
         tree: what was tried.
         reason, code: of the last failure.
+        error: the last failure itself, if it was an error.
         counts: statistics of the plan.
     """
 
     tree: SearchTree
     reason: str = "nothing was tried yet"
     code: Code = Code.NO_MOTION
+    error: HmapError | None = None
     counts: dict[str, int] = field(
         default_factory=lambda: {"waypoint_plans": 0, "contact_proposals": 0, "contact_tries": 0}
     )
 
     def failed(self, error: HmapError) -> None:
         """Remember an error as the last failure."""
-        self.reason, self.code = str(error), error.code
+        self.reason, self.code, self.error = str(error), error.code, error
 
     def last_failure(self) -> Failure:
         """The last failure as the outcome of a strategy."""
-        return Failure.of(PlannerError(self.reason, self.code))
+        return Failure.of(self.error or PlannerError(self.reason, self.code))
 
     def forget(self) -> None:
         """Start anew with the last failure, as a job of its own does."""
-        self.reason, self.code = "nothing was tried yet", Code.NO_MOTION
+        self.reason, self.code, self.error = "nothing was tried yet", Code.NO_MOTION, None
 
 
 @dataclass(frozen=True)

@@ -151,7 +151,7 @@ class PlanningJob:
 
     def _rejected(self, report: Report) -> None:
         worst, record = report.violations[0], self.context.record
-        record.code = Code.PLAN_REJECTED
+        record.code, record.error = Code.PLAN_REJECTED, None
         record.reason = (
             f"the judge rejects the plan: {worst.kind} of {', '.join(worst.bodies)} at {worst.time:.2f} s, "
             f"{worst.amount:.4g} where {worst.limit:.4g} is allowed"

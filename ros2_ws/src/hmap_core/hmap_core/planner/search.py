@@ -64,6 +64,8 @@ class Search:
                 if plan is not None:
                     return plan
                 continue
+            if not outcome.ends_round:
+                continue
             blocked += isinstance(outcome.error, RemovalError)
             if blocked == BLOCKED_ROUNDS or (number == 0 and isinstance(outcome.error, NoObjectPath)):
                 raise outcome.error or PlannerError(outcome.reason, outcome.code)
