@@ -7,7 +7,6 @@ from geometry_fixtures import box, coal_distance, coal_hull, coal_shape, yaw
 
 from hmap_core.contacts.camera import Cloud, visible_points
 from hmap_core.contacts.candidates import Hand, Situation
-from hmap_core.contacts.proposer import NoProposer
 from hmap_core.contacts.push import slide_twists
 from hmap_core.contacts.sampler import sample_contacts, snapped
 from hmap_core.contacts.solids import solids
@@ -200,7 +199,6 @@ def test_measured_points_are_put_on_the_known_surface():
     assert len(far) == 0
 
 
-def test_nothing_seen_gives_no_contact_and_no_proposer_none():
+def test_nothing_seen_gives_no_contact():
     empty = visible_points(BAR, T_BAR, [], [], np.random.default_rng(0))
     assert contacts_of(BAR, TaskMode.KINEMATIC, cloud=empty) == []
-    assert NoProposer().propose(None, None, "bar", np.zeros((0, 7))) == []

@@ -149,10 +149,10 @@ class Search:
         """
         manipulator = steps.Manipulator.of(task, grasp)
         tries, ready = 0, None if grasp is None else task.sequence
-        while tries < (J_MAX if grasp is None else TRIES_WITH_TOOL):
+        most = J_MAX if grasp is None else TRIES_WITH_TOOL
+        while tries < most:
             samplings -= 1
-            left = (J_MAX if grasp is None else TRIES_WITH_TOOL) - tries
-            contacts = contacts or steps.find_contacts(task, manipulator, left)
+            contacts = contacts or steps.find_contacts(task, manipulator, most - tries)
             contacts = [contact for contact in contacts if contact.reach >= min_reach]
             if not contacts and samplings > 0:
                 continue

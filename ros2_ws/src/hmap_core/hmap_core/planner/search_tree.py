@@ -13,7 +13,6 @@ from hmap_core.exceptions import Code, HmapError
 from hmap_core.planner.outcome import Outcome, Solution
 
 MAX_NODES = 5000  # of one tree; later attempts are counted and not kept
-OPEN = ""  # status of a node that has no result of its own
 
 
 @dataclass

@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass, replace
 
-from hmap_core.exceptions import ContactError, MotionError
+from hmap_core.exceptions import ContactError, HmapError, MotionError
 from hmap_core.planner.context import SearchContext
 from hmap_core.planner.interfaces import RobotContact, SubTrajectory, ToolGrasp
 from hmap_core.planner.protocols import SegmentQuery, ToolQuery
+from hmap_core.planner.search_tree import Attempt
 from hmap_core.planner.solution_sequence import SolutionSequence
 from hmap_core.planner.surroundings import nearest_first
 from hmap_core.planner.tasks import WaypointTask
@@ -59,8 +60,7 @@ def find_contacts(task: WaypointTask, manipulator: Manipulator, count: int) -> l
         try:
             found = context.components.contacts.find_contacts(query)
         except ContactError as error:
-            context.record.failed(error)
-            node.fail(error.stage, error.code, error.reason)
+            _failed(context, node, error)
             return []
         node.succeed(f"{len(found)} feasible")
     context.record.counts["contact_proposals"] += 1
@@ -82,11 +82,16 @@ def plan_motion(
         try:
             motion = context.components.segments.plan_segment(query)
         except MotionError as error:
-            context.record.failed(error)
-            node.fail(error.stage, error.code, error.reason)
+            _failed(context, node, error)
             return None
         node.succeed()
         return motion
+
+
+def _failed(context: SearchContext, node: Attempt, error: HmapError) -> None:
+    """Note a failure in the search tree, and as the last one."""
+    context.record.failed(error)
+    node.fail(error.stage, error.code, error.reason)
 
 
 def pick_tool(context: SearchContext, sequence: SolutionSequence, grasp: ToolGrasp) -> SolutionSequence:
@@ -107,8 +112,7 @@ def place_tool(context: SearchContext, sequence: SolutionSequence) -> SolutionSe
         try:
             motion = context.components.segments.plan_place(query)
         except MotionError as error:
-            context.record.failed(error)
-            node.fail(error.stage, error.code, error.reason)
+            _failed(context, node, error)
             return None
         node.succeed()
     return replace(sequence.after(motion), tool_grasp=None)
