@@ -43,6 +43,7 @@ $(STAMPS)/dependencies: requirements.lock tools/system_libraries.sh
 	tools/system_libraries.sh $(PYTHON)
 	test -x $(VENV)/bin/python || $(PYTHON) -m venv $(VENV)
 	$(PIP) install --quiet --no-deps --no-compile -r requirements.lock
+	$(VENV)/bin/python -m compileall -q -j 0 $(VENV)/lib
 	mkdir -p $(STAMPS) && touch $@
 
 $(STAMPS)/interfaces: $(STAMPS)/dependencies $(INTERFACE_FILES)
@@ -56,8 +57,9 @@ $(STAMPS)/packages: $(STAMPS)/interfaces $(addsuffix /setup.py,$(PACKAGES))
 		$(addprefix --editable ,$(PACKAGES))
 	touch $@
 
-# Compiles the planner's hot loops into the caches, so that no user waits for it.
+# Compiles Python's bytecode, and the planner's hot loops into the caches, so that no user waits for it.
 $(STAMPS)/precompiled: $(STAMPS)/packages $(CORE_FILES)
+	$(VENV)/bin/python -m compileall -q $(PACKAGES)
 	$(VENV)/bin/python -m hmap_core.precompile
 	touch $@
 

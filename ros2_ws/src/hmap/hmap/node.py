@@ -24,6 +24,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from hmap.environment import ros_environment
 from hmap.spinning import Spinner
+from hmap_core.compile_cache import ensure_compiled
 from hmap_core.exceptions import HmapError
 from hmap_core.garbage import collect_rarely
 from hmap_msgs_py.checks import ConversionError
@@ -45,12 +46,14 @@ class HmapNode(Node):
     Attributes:
         waits: whether callbacks can wait for each other. A node without such callbacks runs them one by one, at a third
             of the cost.
+        plans: whether it runs compiled code, which is compiled before the node starts.
         group: of all callbacks.
         stopping: set at the shutdown.
         spinner: spins the executor; None before the start.
     """
 
     waits = True
+    plans = False
 
     def __init__(self, name: str):
         super().__init__(name)
@@ -189,20 +192,22 @@ class HmapNode(Node):
         self._diagnostics.publish(message)
 
 
-def run(make_node: Callable[[], HmapNode], args: list[str] | None = None) -> int:
+def run(make_node: type[HmapNode], args: list[str] | None = None) -> int:
     """Run a node until SIGINT or SIGTERM.
 
     rclpy's own signal handlers would shut the context down while callbacks run. Here the order is: callbacks, executor,
     node, context.
 
     Args:
-        make_node: makes the node.
+        make_node: the class of the node.
         args: ROS arguments; default: those of the process.
 
     Returns:
         The exit code.
     """
     collect_rarely()
+    if make_node.plans:
+        ensure_compiled(lambda text: print(text, file=sys.stderr, flush=True))
     os.environ.update(ros_environment())
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

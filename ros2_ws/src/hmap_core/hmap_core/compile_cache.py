@@ -4,15 +4,19 @@ Numba detects changes in the file of a compiled function, but not in functions o
 is therefore named by the hash of all compiled sources.
 """
 
+import fcntl
 import hashlib
 import os
 import shutil
+import subprocess
 import sys
 import time
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
 VARIABLE = "NUMBA_CACHE_DIR"
+JIT_DISABLED = "NUMBA_DISABLE_JIT"
 KEPT_DAYS = 14  # age up to which folders are kept, since other checkouts on this machine may use them
 COMPILED = (b"njit", b"cfunc", b"intrinsic", b"namedtuple")  # texts that mark a source with compiled code or types
 
@@ -44,6 +48,46 @@ def use_own_cache() -> None:
     os.environ[VARIABLE] = str(folder)
     if "numba" in sys.modules:  # Numba has read the variable already
         sys.modules["numba"].config.CACHE_DIR = str(folder)
+
+
+def ensure_compiled(report: Callable[[str], None] = lambda text: None) -> None:
+    """Compile what planning needs, in a process of its own, unless that was done before on this kind of machine.
+
+    Planning has a time limit, and compiling takes longer than that. If several processes begin at once, one compiles
+    and the others wait for it. If it fails, the planner compiles what it meets, and is slow for that once.
+
+    Args:
+        report: called with what to tell the user, if there is something to do.
+    """
+    folder = Path(os.environ.get(VARIABLE) or cache_root() / source_hash())
+    mark = folder / _mark_name()
+    if mark.exists() or os.environ.get(JIT_DISABLED, "0") not in ("", "0"):
+        return
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with (folder / "compiling.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # released when the file is closed
+            if not mark.exists():
+                report("compiling the planner, once for this version: about a minute")
+                subprocess.run([sys.executable, "-m", "hmap_core.precompile"], check=True, capture_output=True)
+    except (OSError, subprocess.CalledProcessError) as error:
+        report(f"the planner cannot be compiled in advance: {error}")
+
+
+def mark_compiled() -> None:
+    """Note in the cache that everything is compiled; see :func:`ensure_compiled`."""
+    (Path(os.environ[VARIABLE]) / _mark_name()).touch()
+
+
+def _mark_name() -> str:
+    """Differs by what Numba's own cache differs by: its version, Python's, and the processor."""
+    import llvmlite
+    import numba
+    from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
+
+    processor = get_host_cpu_name() + get_host_cpu_features().flatten()
+    text = " ".join((sys.version, numba.__version__, llvmlite.__version__, processor))
+    return f"compiled-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 
 def remove_old_caches() -> None:

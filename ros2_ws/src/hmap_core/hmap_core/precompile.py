@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hmap_core.compile_cache import remove_old_caches
+from hmap_core.compile_cache import mark_compiled, remove_old_caches
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.features import joint_position
 from hmap_core.komo.ik import solve_ik
@@ -19,7 +19,7 @@ from hmap_core.komo.skeleton import Skeleton, SkeletonEntry, Symbol
 from hmap_core.komo.skeleton_problem import SkeletonProblem
 from hmap_core.komo.transcription import KomoProblem
 from hmap_core.komo.workspace import Workspace
-from hmap_core.planner import ObjectPathQuery, plan
+from hmap_core.planner import HmapPlanner, ObjectPathQuery
 from hmap_core.planner.object_path import BidirectionalSearch
 from hmap_core.scenes import load_scene
 from hmap_core.transforms import from_rpy, multiply, pose
@@ -72,7 +72,7 @@ def main() -> int:
     """Compile everything that planning needs; exit code 0."""
     remove_old_caches()
     began = time.monotonic()
-    tasks = [(task, lambda task=task: plan(load_scene(task), time_limit=TIME_LIMIT)) for task in TASKS]
+    tasks = [(task, lambda task=task: HmapPlanner().plan(load_scene(task), time_limit=TIME_LIMIT)) for task in TASKS]
     jobs: list[tuple[str, Callable[[], object]]] = [
         ("a path in space", _spatial_path),
         ("paths on a support", _planar_paths),
@@ -82,6 +82,7 @@ def main() -> int:
     for name, job in jobs:
         print(f"compiling for {name} ...", file=sys.stderr, flush=True)
         job()
+    mark_compiled()
     print(f"compiled in {time.monotonic() - began:.0f} s", file=sys.stderr)
     return 0
 

@@ -12,6 +12,7 @@ from hmap.launcher.processes import Graph, output_folder
 from hmap.launcher.spares import Spare, fork_spares
 from hmap_core.cli.main import natural, positive, seed_argument, zero_or_more
 from hmap_core.cli.progress import ProgressLine
+from hmap_core.compile_cache import ensure_compiled
 from hmap_core.exceptions import Code, InputError, PlannerError
 
 HELP = "start the nodes, plan and execute a task with them, and stop them"
@@ -64,6 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     from hmap_core.scenes import load_scene
 
     scene = load_scene(arguments.task, arguments.seed)
+    ensure_compiled(lambda text: print(text, file=sys.stderr))
     check_bodies(scene, scene.goal)
     if arguments.task.endswith((".yaml", ".yml")):
         arguments.task = str(Path(arguments.task).expanduser().absolute())

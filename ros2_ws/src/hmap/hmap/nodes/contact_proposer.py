@@ -41,6 +41,8 @@ class CountingChecker:
 class ContactProposerNode(HmapNode):
     """Serves ``propose_contacts``."""
 
+    plans = True
+
     def __init__(self):
         super().__init__("contact_proposer")
         self._time_limit = self.parameter("time_limit", 30.0, "s, of a request that names none", 0.01, 3600.0)

@@ -21,6 +21,8 @@ from hmap_msgs_py.poses import poses_from_messages
 class KomoOptimiser(HmapNode):
     """Serves ``check_contacts`` and ``solve_segment``."""
 
+    plans = True
+
     def __init__(self):
         super().__init__("komo_optimiser")
         self._time_limit = self.parameter("time_limit", 30.0, "s, of a request that names none", 0.01, 3600.0)

@@ -68,6 +68,8 @@ class Job:
 class Supervisor(HmapNode):
     """Plans and executes one goal at a time; a new goal takes the place of the one before."""
 
+    plans = True
+
     def __init__(self):
         super().__init__("supervisor")
         self._naming = Naming(self, "arm_joint", "arm_action", "gripper_action")

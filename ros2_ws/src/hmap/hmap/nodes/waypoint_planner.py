@@ -19,6 +19,8 @@ from hmap_msgs_py.poses import pose_from_message
 class WaypointPlanner(HmapNode):
     """Serves ``plan_waypoints``."""
 
+    plans = True
+
     def __init__(self):
         super().__init__("waypoint_planner")
         self._time_limit = self.parameter("time_limit", 10.0, "s, of a request that names none", 0.01, 3600.0)

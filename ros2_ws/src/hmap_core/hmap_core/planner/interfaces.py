@@ -80,7 +80,7 @@ class Progress:
     """What the planner is doing, for people.
 
     Attributes:
-        phase: ``waypoints``, ``contacts``, ``motion``, ``checking``, ``done``.
+        phase: ``starting``, ``waypoints``, ``contacts``, ``motion``, ``checking``, ``done``.
         waypoint, waypoints: i of I, along the object's path; 0 of 0 before there is one.
         attempt: j, the try at this waypoint.
     """

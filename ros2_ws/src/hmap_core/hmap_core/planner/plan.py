@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping
 
+from hmap_core.compile_cache import ensure_compiled
 from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import InputError
 from hmap_core.planner import plugins
 from hmap_core.planner.components import PlannerComponents, local_components
 from hmap_core.planner.hmap_planner import DEFAULT_TIME_LIMIT, HmapPlanner
-from hmap_core.planner.interfaces import ProgressCallback, ToolGrasp
+from hmap_core.planner.interfaces import Progress, ProgressCallback, ToolGrasp
 from hmap_core.planner.komo_segments import KomoSegmentPlanner
 from hmap_core.planner.protocols import Cancel, ContactProposer, ManipulationPlanner, ObjectPathPlanner, TransitPlanner
 from hmap_core.types import Plan, Scene, SceneState
@@ -52,6 +53,8 @@ def plan(
             keeps one.
     """
     method = create_planner(planner, object_path, proposer, transit, components, clouds, tool_grasp)
+    report = progress or (lambda progress: None)
+    ensure_compiled(lambda text: report(Progress("starting", text=text)))
     return method.plan(scene, state, seed, time_limit, progress, cancel)
 
 
