@@ -16,7 +16,7 @@ from hmap_core.kinematics.fingers import Linkage, LinkageStep, SlidingFinger, cl
 from hmap_core.kinematics.simplify import simplify_hull
 from hmap_core.kinematics.tree import forward, forward_last
 from hmap_core.kinematics.urdf import Urdf, load_urdf
-from hmap_core.scenes.urdf import MOVING, UrdfJoint
+from hmap_core.robot_description import MOVING, Joint
 from hmap_core.transforms import apply, from_matrix, multiply, quaternions, to_matrix
 from hmap_core.types import AttachedBody, Gripper, RobotModel
 
@@ -300,7 +300,7 @@ def _link_frames(urdf: Urdf, model: RobotModel) -> tuple[dict[str, _LinkMount], 
     return placed, [fixed[name] for name in model.joint_names]
 
 
-def _step(urdf: Urdf, gripper: Gripper | None, joint: UrdfJoint, T: np.ndarray) -> LinkageStep | None:
+def _step(urdf: Urdf, gripper: Gripper | None, joint: Joint, T: np.ndarray) -> LinkageStep | None:
     """A joint that moves with the gripper, after a fixed transform T (4, 4); None for any other joint."""
     if gripper is None:
         return None
@@ -440,7 +440,8 @@ def load_arm(model: RobotModel) -> Arm:
     """
     gripper, body = model.gripper, model.attached
     key: tuple = (model.name, model.urdf, model.joint_names, model.ignored_collisions, model.end_effector_link)
-    key += (model.T_link_ee.tobytes(), gripper)
+    key += (model.T_link_ee.tobytes(), gripper, model.position_limits.tobytes(), model.velocity_limits.tobytes())
+    key += (model.acceleration_limits.tobytes(), model.home.tobytes())
     if key not in _ARMS:
         _ARMS[key] = build_arm(model)
     if body is None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hmap_core.scenes.urdf import UrdfJoint
+from hmap_core.robot_description import Joint
 from hmap_core.types import Gripper
 
 OPENINGS = 33  # number of openings of a linkage's range at which its extent is evaluated
@@ -53,7 +53,7 @@ class LinkageStep:
     """
 
     T: np.ndarray
-    joint: UrdfJoint
+    joint: Joint
     driver: int
     factor: float
     offset: float

@@ -3,15 +3,14 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from hmap_core.exceptions import Code, InputError
+from hmap_core.robot_description import JointTree, RobotDescription
 from hmap_core.scenes import meshes
-from hmap_core.scenes.urdf import JointTree, attribute, child, joint_tree, mesh_path, numbers, origin
 from hmap_core.transforms import to_matrix
+from hmap_core.types import Shape, ShapeKind
 
 SupportFunction = Callable[[np.ndarray], float]
 
@@ -35,8 +34,7 @@ class GripperGeometry:
     """The fingers of a gripper.
 
     Args:
-        robot: root element of the URDF.
-        file: path of the URDF, to which mesh paths are relative.
+        robot: the robot description.
         end_effector: name of its link, and the end-effector frame (7,) in that link.
         finger_links: the links whose shapes count, one or more on each side of the plane y = 0 of the frame.
 
@@ -44,21 +42,18 @@ class GripperGeometry:
         tree: the joints of the URDF.
     """
 
-    def __init__(self, robot: Element, file: Path, end_effector: tuple[str, np.ndarray], finger_links: list[str]):
-        self.tree: JointTree = joint_tree(robot)
+    def __init__(self, robot: RobotDescription, end_effector: tuple[str, np.ndarray], finger_links: list[str]):
+        self.tree: JointTree = robot.tree
         self._link, T = end_effector
         self._T_link_ee = to_matrix(T)
-        self._file = file
-        self._collisions = {link.get("name"): link.findall("collision") for link in robot.findall("link")}
+        self._links = robot.links
         self._finger_links = finger_links
 
     @cached_property
     def _shapes(self) -> dict[str, list]:
         """For each finger link, the poses (4, 4) of its shapes in the link frame, with their support functions."""
         return {
-            link: [
-                (to_matrix(origin(c)), _support(self._file, child(c, "geometry")[0])) for c in self._collisions[link]
-            ]
+            link: [(to_matrix(shape.pose), _support(shape)) for shape in self._links[link].shapes]
             for link in self._finger_links
         }
 
@@ -102,19 +97,18 @@ def _farthest(T: np.ndarray, support: SupportFunction, direction: tuple[float, f
     return float(T[:3, 3] @ d + support(T[:3, :3].T @ d))
 
 
-def _support(file: Path, geometry: Element) -> SupportFunction:
+def _support(shape: Shape) -> SupportFunction:
     """The support function of a shape in its own frame: direction (3,) -> m (van den Bergen 2003)."""
-    if geometry.tag == "mesh":
-        vertices = meshes.hull_vertices(mesh_path(file, attribute(geometry, "filename")))
-        vertices = vertices * numbers(geometry.get("scale"), [1, 1, 1])
+    if shape.mesh is not None:
+        vertices = meshes.hull_vertices(shape.mesh) * np.array(shape.size)
         return lambda d: float((vertices @ d).max())
-    if geometry.tag == "box":
-        half = 0.5 * numbers(geometry.get("size"), [])
+    if shape.kind is ShapeKind.BOX:
+        half = 0.5 * np.array(shape.size)
         return lambda d: float(np.abs(d) @ half)
-    radius = float(attribute(geometry, "radius"))
-    if geometry.tag == "sphere":
+    radius = shape.size[0]
+    if shape.kind is ShapeKind.SPHERE:
         return lambda d: radius
-    half_length = 0.5 * float(attribute(geometry, "length"))
-    if geometry.tag == "cylinder":
+    half_length = 0.5 * shape.size[1]
+    if shape.kind is ShapeKind.CYLINDER:
         return lambda d: float(radius * np.hypot(d[0], d[1]) + half_length * abs(d[2]))
     return lambda d: float(radius + half_length * abs(d[2]))

@@ -2,34 +2,31 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from pathlib import Path
-from xml.etree.ElementTree import Element
 
 import numpy as np
 import scipy
 
 from hmap_core.exceptions import InputError
+from hmap_core.robot_description import JointTree, RobotDescription
 from hmap_core.scenes.document import Document
 from hmap_core.scenes.gripper_geometry import FingerPositions, GripperGeometry
+from hmap_core.scenes.robot_rules import LIMIT_TOLERANCE
 from hmap_core.scenes.schema import GripperEntry, RobotFile
-from hmap_core.scenes.urdf import JointTree, joint_tree
 from hmap_core.types import GRIPPER_SPEED, Gripper
 
 TRAVEL_SAMPLES = 33  # number of travels between closed and open at which the opening is tabulated
 JAW_CLEARANCE = 0.004  # m, default difference between the open gripper and the widest grasp
 MAX_MIDDLE_OFFSET = 0.001  # m, largest offset of the middle between the pads from the end-effector frame
-LIMIT_TOLERANCE = 1e-4  # rad or m, excess of a joint limit that is attributed to rounding
 KEYS = ("joints", "closed", "open", "per_joint", "at_zero", "finger_links")  # keys that are converted, not copied
 
 
-def build_gripper(document: Document, robot: RobotFile, urdf: Path, root: Element) -> Gripper:
+def build_gripper(document: Document, robot: RobotFile, description: RobotDescription) -> Gripper:
     """Builds the gripper of a robot file.
 
     Args:
         document: the robot file, for error messages.
         robot: its content; has a gripper.
-        urdf: path of the URDF.
-        root: root element of the URDF, which has all joints and links that the file names.
+        description: the robot description, which has all joints and links that the file names.
 
     Returns:
         The gripper.
@@ -41,9 +38,9 @@ def build_gripper(document: Document, robot: RobotFile, urdf: Path, root: Elemen
     entry = robot.gripper
     if entry is None:
         raise ValueError(f"robot file '{document.path}' has no gripper")
-    _check_drivers(document, entry, joint_tree(root))
+    _check_drivers(document, entry, description.tree)
     end_effector = robot.end_effector.link, robot.end_effector.pose.vector()
-    geometry = GripperGeometry(root, urdf, end_effector, entry.finger_links)
+    geometry = GripperGeometry(description, end_effector, entry.finger_links)
     given = {key: value for key, value in entry.model_dump(exclude=set(KEYS)).items() if value is not None}
     given |= {"joint_names": tuple(entry.joints), "finger_links": tuple(entry.finger_links)}
     if entry.per_joint is None:
@@ -57,20 +54,15 @@ def build_gripper(document: Document, robot: RobotFile, urdf: Path, root: Elemen
             ("gripper", "max_opening"),
             f"must be above min_opening, {gripper.min_opening:g}, and at most open_opening, {gripper.open_opening:g}",
         )
-    return gripper if entry.speed is not None else _with_speed(document, gripper, joint_tree(root))
+    return gripper if entry.speed is not None else _with_speed(document, gripper, description.tree)
 
 
 def _check_drivers(document: Document, entry: GripperEntry, tree: JointTree) -> None:
-    """Checks that no driven joint mimics a joint that is not driven, and that none is named twice."""
+    """Checks that no driven joint mimics a joint that is not driven."""
     for i, name in enumerate(entry.joints):
-        try:
-            driver, _, _ = tree.driver(name)
-        except InputError as error:
-            raise document.error(("gripper", "joints", i), error.reason) from error
+        driver, _, _ = tree.driver(name)
         if driver not in entry.joints:
             raise document.error(("gripper", "joints", i), f"mimics {driver} in the URDF; name that one instead")
-        if name in entry.joints[:i]:
-            raise document.error(("gripper", "joints", i), "is named twice")
 
 
 def _as_tuple(value: float | list[float]) -> float | tuple[float, ...]:

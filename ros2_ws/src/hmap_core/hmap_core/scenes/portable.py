@@ -10,6 +10,7 @@ import numpy as np
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes import meshes, resources
 from hmap_core.scenes.arrays import DECIMALS, to_lists
+from hmap_core.scenes.robot_rules import checked_model
 from hmap_core.scenes.scene_data import AttachedData, BodyData, RobotData, SceneData, SceneDocument, ShapeData, parse
 from hmap_core.transforms import IDENTITY
 from hmap_core.types import AttachedBody, Body, Camera, Goal, Gripper, Robot, RobotModel, Scene, Shape, ShapeKind
@@ -204,7 +205,7 @@ def _robot(name: str, data: RobotData) -> Robot:
         simulation=data.simulation,
         attached=None if data.held is None else _attached(data.held),
     )
-    return Robot(name, model, data.base_pose, data.q_start)
+    return Robot(name, checked_model(model), data.base_pose, data.q_start)
 
 
 def _attached(data: AttachedData) -> AttachedBody:

@@ -8,13 +8,12 @@ hand; these pairs are ignored with the reason ``gripper``. MoveIt's Setup Assist
 
 import argparse
 import itertools
-from xml.etree import ElementTree
 
 import numpy as np
 import pybullet
 
+from hmap_core.robot_description import load_robot_description
 from hmap_core.scenes.robots import load_robot_model
-from hmap_core.scenes.urdf import joint_tree
 from hmap_core.types import RobotModel
 
 FAR = 0.02  # m; a pair that is nearer than this in no sample never collides
@@ -52,7 +51,7 @@ class _Sampler:
             self._joints[info[1].decode()] = j
             self._links[info[12].decode()] = j
             self._parent[j] = info[16]
-        self._tree = joint_tree(ElementTree.parse(model.urdf).getroot())
+        self._tree = load_robot_description(model.urdf).require_valid().tree
         self._hand = [j for j in self._links.values() if self._carries(self._joints[model.joint_names[-1]], j)]
 
     def run(self, samples: int, rng: np.random.Generator) -> dict[tuple[str, str], str]:

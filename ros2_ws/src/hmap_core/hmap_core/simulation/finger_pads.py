@@ -12,7 +12,7 @@ import numpy as np
 import trimesh
 
 from hmap_core.kinematics.urdf import Urdf, load_urdf
-from hmap_core.scenes.urdf import attribute
+from hmap_core.robot_description.uris import find_file
 from hmap_core.transforms import to_matrix
 from hmap_core.types import RobotModel
 
@@ -41,7 +41,7 @@ def with_pads(model: RobotModel, folder: Path) -> Path:
         return model.urdf
     tree = ElementTree.parse(model.urdf)
     for mesh in tree.iter("mesh"):
-        mesh.set("filename", str(_resolved(model.urdf, attribute(mesh, "filename"))))
+        mesh.set("filename", str(find_file(mesh.get("filename", ""), model.urdf)[0]))
     for link in tree.getroot().findall("link"):
         name = link.get("name")
         if name is not None and name in pads:
@@ -115,10 +115,3 @@ def _replace(link: ElementTree.Element, hulls, pad, file: Path, taper: float) ->
 
 def _text(numbers: np.ndarray) -> str:
     return " ".join(f"{v:.9g}" for v in numbers)
-
-
-def _resolved(urdf: Path, name: str) -> Path:
-    """Where the file of a mesh is, as PyBullet looks for it: from the URDF's folder upwards."""
-    for prefix in ("package://", "file://"):
-        name = name.removeprefix(prefix)
-    return next((base / name for base in (urdf.parent, *urdf.parents) if (base / name).exists()), Path(name))

@@ -1,0 +1,157 @@
+"""Reads the joints of a robot description."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hmap_core.robot_description.node import Node
+from hmap_core.robot_description.tree import ASSUMED_FIXED, MOVING, Joint
+from hmap_core.transforms import from_rpy
+
+KINDS = (*MOVING, "fixed", *ASSUMED_FIXED)
+LIMITED = ("revolute", "prismatic")
+UNIT_TOLERANCE = 1e-3  # deviation of an axis' length from 1 that is rounding
+SHORTEST_AXIS = 1e-6  # shorter ones have no direction
+
+
+def read_origin(node: Node) -> np.ndarray:
+    """The pose (7,) in the ``origin`` of an element; the identity if it has none, or it cannot be read."""
+    origin = node.child("origin")
+    zero = np.zeros(3)
+    if origin is None:
+        return from_rpy(zero, zero)
+    xyz, rpy = (origin.numbers(key, 3, (0.0, 0.0, 0.0)) for key in ("xyz", "rpy"))
+    return from_rpy(zero if xyz is None else xyz, zero if rpy is None else rpy)
+
+
+def read_joint(node: Node) -> Joint | None:
+    """Reads a joint; None, with recorded errors, if it cannot be used."""
+    name = node.text("name")
+    if name is None:
+        return None
+    node = node.at(f"joint '{name}'")
+    kind = node.text("type")
+    parent, child = (_link(node, tag) for tag in ("parent", "child"))
+    if kind is not None and kind not in KINDS:
+        node.error(f'type="{kind}" is not known', f"allowed: {', '.join(KINDS)}")
+    if kind not in KINDS or parent is None or child is None:
+        return None
+    if kind in ASSUMED_FIXED:
+        node.warn(f'type="{kind}" is not supported; it is taken for fixed, at its origin', 'use type="fixed"')
+    moves = kind in MOVING
+    axis = _axis(node) if moves else np.array([1.0, 0.0, 0.0])
+    lower, upper, velocity, effort = _limits(node, kind) if moves else (-np.inf, np.inf, np.inf, None)
+    mimic = _mimic(node, moves)
+    _check_dynamics(node)
+    return Joint(name, kind, parent, child, read_origin(node), axis, lower, upper, velocity, effort, mimic)
+
+
+def _link(node: Node, tag: str) -> str | None:
+    end = node.child(tag)
+    if end is None:
+        node.error(f"has no <{tag}>")
+        return None
+    return end.text("link")
+
+
+def _axis(node: Node) -> np.ndarray:
+    element = node.child("axis")
+    axis = np.array([1.0, 0.0, 0.0]) if element is None else element.numbers("xyz", 3, [1, 0, 0])
+    if axis is None or element is None:
+        return np.array([1.0, 0.0, 0.0])
+    length = float(np.linalg.norm(axis))
+    shown = f'xyz="{element.element.get("xyz")}"'
+    if length < SHORTEST_AXIS:
+        element.error(f"{shown} has no direction", "give a vector of length 1")
+        return np.array([1.0, 0.0, 0.0])
+    if abs(length - 1.0) > UNIT_TOLERANCE:
+        element.warn(f"{shown} has the length {length:g}; the vector of length 1 is used")
+    return axis / length
+
+
+def _limits(node: Node, kind: str) -> tuple[float, float, float, float | None]:
+    """Lower and upper position limit, velocity limit, and effort; infinite, or None, where there is none."""
+    element = node.child("limit")
+    lower, upper, velocity, effort = -np.inf, np.inf, np.inf, None
+    if element is None:
+        if kind in LIMITED:
+            node.error(f"is {kind} and has no <limit>", 'add <limit lower="" upper="" velocity="" effort="">')
+        else:
+            node.warn("has no <limit>; an effort is assumed in the simulation")
+        return lower, upper, velocity, effort
+    if kind in LIMITED:
+        lower, upper = _range(element)
+    if element.element.get("velocity") is None:
+        element.warn("has no velocity; that of the robot file counts")
+    else:
+        velocity = _not_negative(element, "velocity")
+    if element.element.get("effort") is None:
+        element.warn("has no effort; one is assumed in the simulation")
+    else:
+        effort = _not_negative(element, "effort")
+        if effort == 0.0:
+            element.warn('effort="0" lets the joint drop; an effort is assumed in the simulation')
+    return lower, upper, velocity, effort if effort and np.isfinite(effort) else None
+
+
+def _range(element: Node) -> tuple[float, float]:
+    given = [key for key in ("lower", "upper") if element.element.get(key) is not None]
+    if len(given) < 2:
+        missing = " and ".join(key for key in ("lower", "upper") if key not in given)
+        element.warn(f"has no {missing}; 0 is used, as the URDF specification has it")
+    lower, upper = (element.number(key, 0.0, infinite=True) for key in ("lower", "upper"))
+    if lower is None or upper is None:
+        return -np.inf, np.inf
+    if lower > upper:
+        element.error(f'lower="{lower:g}" is above upper="{upper:g}"', "exchange them")
+        return -np.inf, np.inf
+    if lower == upper:
+        element.warn(f"lower and upper are both {lower:g}: the joint cannot move")
+    return lower, upper
+
+
+def _not_negative(element: Node, key: str) -> float:
+    value = element.number(key, infinite=True)
+    if value is not None and value < 0.0:
+        element.error(f'{key}="{value:g}" is negative')
+    return np.inf if value is None or value < 0.0 else value
+
+
+def _mimic(node: Node, moves: bool) -> tuple[str, float, float] | None:
+    element = node.child("mimic")
+    if element is None:
+        return None
+    driver, multiplier, offset = element.text("joint"), element.number("multiplier", 1.0), element.number("offset", 0.0)
+    if not moves:
+        element.warn("the joint does not move; it is ignored")
+    if driver is None or multiplier is None or offset is None or not moves:
+        return None
+    return driver, multiplier, offset
+
+
+def _check_dynamics(node: Node) -> None:
+    element = node.child("dynamics")
+    if element is not None:
+        for key in ("damping", "friction"):
+            if (element.number(key, 0.0) or 0.0) < 0.0:
+                element.error(f'{key}="{element.element.get(key)}" is negative')
+
+
+def check_mimics(nodes: dict[str, Node], joints: Sequence[Joint]) -> None:
+    """Records an error for each joint that mimics one that does not exist, or itself."""
+    by_name = {joint.name: joint for joint in joints}
+    for joint in joints:
+        seen, other = [joint.name], joint
+        first = joint.mimic[0] if joint.mimic else ""
+        while other.mimic is not None:
+            driver = other.mimic[0]
+            if driver not in by_name:
+                if other is joint:
+                    nodes[joint.name].error(f"mimics '{driver}', which is not in the URDF")
+                break
+            if driver in seen:
+                if driver == joint.name:
+                    nodes[joint.name].error(f"mimics '{first}', which follows it in turn")
+                break
+            seen.append(driver)
+            other = by_name[driver]
