@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from hmap_core.benchmark.generality.registry import FAMILIES
+
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = ROOT / "ros2_ws" / "src"
 PACKAGES = {
@@ -190,6 +192,19 @@ def test_the_planner_knows_no_task():
     tasks = (SOURCES / "hmap_scenes" / "hmap_scenes" / "tasks").rglob("*.yaml")
     names = {name for task in tasks for name in (task.stem, task.stem.split("_")[0])}
     word = re.compile(rf"\b({'|'.join(sorted(names))})\b", re.IGNORECASE)
+    found = {
+        f"{path.relative_to(SOURCES)}: {match.group()}"
+        for path in files("hmap_core")
+        if module_of(path) in PLANNING
+        for match in word.finditer(path.read_text(encoding="utf-8"))
+    }
+    assert not found
+
+
+def test_the_planner_knows_no_family_of_generated_tasks():
+    """Nor imports what generates them."""
+    names = [family.name for family in FAMILIES.values()]
+    word = re.compile(rf"\b({'|'.join(names)}|benchmark\.generality)\b", re.IGNORECASE)
     found = {
         f"{path.relative_to(SOURCES)}: {match.group()}"
         for path in files("hmap_core")

@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         check_writable(arguments.json)
     if arguments.out:
-        _make_folder(arguments.out)
+        make_folder(arguments.out)
     from hmap_core.evaluation import summary, trials  # slow to import, and not needed to reject a path
 
     wanted = [
@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
         for task in trials.task_names(arguments.tasks, arguments.published)
         for seed in range(arguments.first_seed, arguments.first_seed + arguments.seeds)
     ]
-    found = trials.run_trials(wanted, arguments.jobs or -1, arguments.dask, _Progress(len(wanted)))
+    found = trials.run_trials(wanted, arguments.jobs or -1, arguments.dask, TrialProgress(len(wanted)))
     pairs = groupby(zip(wanted, found, strict=True), key=lambda pair: pair[0].name)
     results = {name: [result for _, result in group] for name, group in pairs}
     print(*summary.table(results), sep="\n")
@@ -64,17 +64,26 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if all(result.solved for result in found) else 1
 
 
-def _make_folder(path: Path) -> None:
+def make_folder(path: Path) -> None:
+    """Make a folder for results, if it is not there.
+
+    Raises:
+        InputError: it cannot be made.
+    """
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{path}: cannot be made a folder: {error.strerror}") from error
 
 
-class _Progress:
+class TrialProgress:
     """Prints one line to standard error for every finished trial."""
 
     def __init__(self, total: int):
+        """
+        Args:
+            total: number of trials.
+        """
         self._began, self._total, self._done = time.monotonic(), total, 0
 
     def __call__(self, trial: Trial, result: TrialResult) -> None:

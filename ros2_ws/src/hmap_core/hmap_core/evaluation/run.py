@@ -9,8 +9,8 @@ from typing import Any
 
 from hmap_core import planner
 from hmap_core.evaluation.replanning import replanner
-from hmap_core.evaluation.trial import Trial, TrialResult
-from hmap_core.exceptions import HmapError
+from hmap_core.evaluation.trial import NOT_VALID, Trial, TrialResult
+from hmap_core.exceptions import Code, HmapError
 from hmap_core.plan_file import to_dict
 from hmap_core.scenes import load_scene
 from hmap_core.simulation.execute import execute_closed_loop
@@ -23,10 +23,14 @@ MAX_VIOLATIONS_SHOWN = 3
 
 
 def warm_up(trial: Trial) -> None:
-    """Plans the trial's task with another seed, so that imports and compilation do not count in the measured time."""
+    """Plans a task with another seed, so that imports and compilation do not count in the measured time.
+
+    Args:
+        trial: whose task is planned, or that for its warm-up if it has one.
+    """
     seed = WARM_UP_SEED + trial.seed
     with contextlib.suppress(Exception):  # failures of the warm-up do not matter
-        planner.plan(load_scene(trial.task, seed), seed=seed, time_limit=trial.time_limit)
+        planner.plan(load_scene(trial.warm_up or trial.task, seed), seed=seed, time_limit=trial.time_limit)
     gc.collect()
     gc.freeze()  # a full collection of the libraries' objects takes as long as half a plan
 
@@ -40,9 +44,10 @@ def run_trial(trial: Trial) -> TrialResult:
     try:
         return _run(trial)
     except HmapError as error:
-        return TrialResult(trial.seed, reason=str(error))
+        return TrialResult(trial.seed, reason=str(error), code=error.code.name)
     except Exception as error:  # an internal error must not end the other trials
-        return TrialResult(trial.seed, reason=f"[internal/INTERNAL] {type(error).__name__}: {error}")
+        reason = f"[internal/INTERNAL] {type(error).__name__}: {error}"
+        return TrialResult(trial.seed, reason=reason, code=Code.INTERNAL.name)
 
 
 def _run(trial: Trial) -> TrialResult:
@@ -51,14 +56,13 @@ def _run(trial: Trial) -> TrialResult:
     try:
         plan = planner.plan(scene, seed=trial.seed, time_limit=trial.time_limit)
     except HmapError as error:
-        return TrialResult(
-            trial.seed, reason=str(error), planning_s=time.perf_counter() - wall, cpu_s=time.process_time() - cpu
-        )
+        spent = {"planning_s": time.perf_counter() - wall, "cpu_s": time.process_time() - cpu}
+        return TrialResult(trial.seed, reason=str(error), code=error.code.name, **spent)
     planned = _planned(trial, plan, time.process_time() - cpu)
     report = check(json.loads(json.dumps(to_dict(plan))))  # as read from a file
     planned = replace(planned, valid=report.valid, goal_error=report.goal_error)
     if not report.valid:
-        return replace(planned, reason=_violations(report))
+        return replace(planned, reason=_violations(report), code=NOT_VALID)
     if scene.mode is TaskMode.KINEMATIC:
         return replace(planned, solved=True)
     return _executed(trial, plan, planned)
@@ -86,6 +90,7 @@ def _executed(trial: Trial, plan: Plan, planned: TrialResult) -> TrialResult:
         executed=True,
         solved=report.solved,
         reason=report.reason,
+        code="" if report.solved else report.code.name,
         replans=len(report.replans),
         replan_reasons=tuple(replan.reason for replan in report.replans),
         goal_error=asdict(report.goal_error),

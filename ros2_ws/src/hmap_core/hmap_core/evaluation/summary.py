@@ -87,9 +87,21 @@ def table(results: Mapping[str, Sequence[TrialResult]]) -> list[str]:
     Returns:
         The lines.
     """
-    rows = [COLUMNS, *(_row(name, TaskSummary(tuple(trials))) for name, trials in results.items())]
-    first = max(WIDTHS[0], *(len(row[0]) for row in rows))
-    return [row[0].ljust(first) + "".join(c.rjust(w) for c, w in zip(row[1:], WIDTHS[1:], strict=True)) for row in rows]
+    return aligned([COLUMNS, *(cells(name, trials) for name, trials in results.items())], WIDTHS)
+
+
+def aligned(rows: Sequence[Sequence[str]], widths: Sequence[int]) -> list[str]:
+    """A text table.
+
+    Args:
+        rows: cells, the heading first.
+        widths: smallest number of characters of the first column, and those of the others.
+
+    Returns:
+        The lines.
+    """
+    first = max(widths[0], *(len(row[0]) for row in rows))
+    return [row[0].ljust(first) + "".join(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True)) for row in rows]
 
 
 def markdown(results: Mapping[str, Sequence[TrialResult]]) -> list[str]:
@@ -101,15 +113,26 @@ def markdown(results: Mapping[str, Sequence[TrialResult]]) -> list[str]:
     Returns:
         The lines.
     """
-    rows = [_row(name, TaskSummary(tuple(trials))) for name, trials in results.items()]
-    return [_line(COLUMNS), _line(("---",) + ("--:",) * (len(COLUMNS) - 1)), *map(_line, rows)]
+    return markdown_table([COLUMNS, *(cells(name, trials) for name, trials in results.items())])
+
+
+def markdown_table(rows: Sequence[Sequence[str]]) -> list[str]:
+    """The lines of a table in Markdown, with numbers in all columns but the first; ``rows`` has the heading first."""
+    return [_line(rows[0]), _line(("---",) + ("--:",) * (len(rows[0]) - 1)), *map(_line, rows[1:])]
 
 
 def _line(cells: Sequence[str]) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-def _row(name: str, task: TaskSummary) -> tuple[str, ...]:
+def cells(name: str, trials: Sequence[TrialResult]) -> tuple[str, ...]:
+    """The cells of a task's row, in the order of COLUMNS.
+
+    Args:
+        name: of the task.
+        trials: results of its trials.
+    """
+    task = TaskSummary(tuple(trials))
     times = [
         _number(task.percentile(key, p), 2) for key, p in (("planning_s", 50), ("planning_s", HIGH), ("cpu_s", 50))
     ]

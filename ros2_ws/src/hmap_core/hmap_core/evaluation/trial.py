@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 PUBLISHED = "published/"  # prefix of the tasks with the published geometry
+NOT_VALID = "NOT_VALID"  # code of a result whose plan the judge rejects
 DEFAULT_REPLANS = 3  # number of replans that an execution may request
 
 
@@ -21,12 +22,14 @@ class Trial:
         seed: seed of the randomisation and of the planner.
         time_limit: wall-clock time for each plan, s.
         max_replans: number of replans that the execution may request.
+        warm_up: the task that a worker process plans before its first trial, once for each; empty: ``task``.
     """
 
     task: str
     seed: int
     time_limit: float
     max_replans: int
+    warm_up: str = ""
 
     @property
     def name(self) -> str:
@@ -53,6 +56,8 @@ class TrialResult:
         segments: number of its segments.
         duration_s: its duration, s.
         goal_error: error of the object at the end of the execution, or of the plan if it was not executed.
+        code: name of the :class:`hmap_core.exceptions.Code` of that; ``NOT_VALID`` if the judge rejects the plan; empty
+            if the trial is solved, or if its process ended.
     """
 
     seed: int
@@ -70,6 +75,7 @@ class TrialResult:
     segments: int | None = None
     duration_s: float | None = None
     goal_error: dict[str, float] | None = None
+    code: str = ""
 
     def to_dict(self) -> dict:
         """The result as plain JSON types."""

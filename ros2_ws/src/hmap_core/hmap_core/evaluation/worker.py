@@ -21,9 +21,10 @@ def main() -> int:
     warm: set[str] = set()
     for line in sys.stdin:
         trial = Trial(**json.loads(line))
-        if trial.task not in warm:
+        task = trial.warm_up or trial.task
+        if task not in warm:
             warm_up(trial)
-            warm.add(trial.task)
+            warm.add(task)
         print(json.dumps(run_trial(trial).to_dict()), file=answers, flush=True)
     return 0
 
