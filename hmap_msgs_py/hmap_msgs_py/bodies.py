@@ -79,7 +79,7 @@ def body_from_message(message: Body) -> dict:
         ConversionError: a value is not allowed.
     """
     name, c = message.name, message.color
-    color = finite(f"color of {name!r}", [c.r, c.g, c.b, c.a], (4,))
+    color = np.array([c.r, c.g, c.b, c.a], float)  # not needed: a malformed one is none
     return {
         "name": name,
         "kind": one_of(f"kind of {name!r}", message.kind, BODY_KINDS),
@@ -88,7 +88,7 @@ def body_from_message(message: Body) -> dict:
         "mass": float(finite(f"mass of {name!r}", message.mass, ())),
         "friction": float(finite(f"friction of {name!r}", message.friction, ())),
         "graspable": _boxes(message.graspable_lower, message.graspable_upper, f"graspable_upper of {name!r}"),
-        "color": tuple(color.tolist()) if color.any() else None,
+        "color": tuple(color.tolist()) if np.isfinite(color).all() and color.any() else None,
     }
 
 

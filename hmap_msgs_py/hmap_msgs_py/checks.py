@@ -1,6 +1,9 @@
 """Checks of the numbers in messages."""
 
-from collections.abc import Mapping, Sequence, Sized
+import math
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence, Sized
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -94,6 +97,75 @@ def same_length(name: str, values: Sized, expected: int, of: str) -> None:
     """
     if len(values) != expected:
         raise ConversionError(f"{name} has {len(values)} values for {expected} {of}")
+
+
+@dataclass(frozen=True)
+class JointReadings:
+    """What a joint state says of the wanted joints.
+
+    Attributes:
+        values: joint -> position (rad or m) and velocity (rad/s or m/s; 0 where it is not known).
+        refused: why the position of a wanted joint cannot be used.
+        ignored: what is wrong with velocities, which are taken to be 0.
+    """
+
+    values: dict[str, tuple[float, float]]
+    refused: tuple[str, ...] = ()
+    ignored: tuple[str, ...] = ()
+
+
+def joint_readings(
+    names: Sequence[str], positions: Sequence[float], velocities: Sequence[float], wanted: Collection[str]
+) -> JointReadings:
+    """Read a joint state field by field; only what is needed has to be right.
+
+    Joints that are not wanted, such as those of other robots, are ignored, whatever their values.
+
+    Args:
+        names: of the joints in the message.
+        positions: one for each name.
+        velocities: one for each name, or none.
+        wanted: names of the joints that are needed.
+    """
+    count = len(names)
+    concerned = [name for name in names if name in wanted]
+    if not concerned and (count or not len(positions)):
+        return JointReadings({})
+    if len(positions) != count:
+        text = f"the joint state has {count} names and {len(positions)} positions; every name needs one position"
+        return JointReadings({}, (text,))
+    refused, ignored = [], []
+    if len(velocities) not in (0, count):
+        ignored.append(
+            f"the joint state has {count} names and {len(velocities)} velocities; one for each name is allowed, or none"
+        )
+        velocities = ()
+    twice = [name for name, times in Counter(concerned).items() if times > 1]
+    refused += [f"the joint state has the name {name!r} {concerned.count(name)} times" for name in twice]
+    values = {}
+    for i, name in enumerate(names):
+        if name not in wanted or name in twice:
+            continue
+        position, velocity = float(positions[i]), float(velocities[i]) if len(velocities) else 0.0
+        if not math.isfinite(position):
+            refused.append(f"the position of joint {name!r} is {position}; it must be finite")
+            continue
+        if not math.isfinite(velocity):
+            ignored.append(f"the velocity of joint {name!r} is {velocity}; it must be finite")
+            velocity = 0.0
+        values[name] = position, velocity
+    return JointReadings(values, tuple(refused), tuple(ignored))
+
+
+def frame(name: str, frame_id: str, allowed: Iterable[str]) -> None:
+    """Check for an allowed frame. A leading slash, which old drivers write, counts as none.
+
+    Raises:
+        ConversionError: another frame is named.
+    """
+    known = sorted(allowed)
+    if frame_id.removeprefix("/") not in known:
+        raise ConversionError(f"{name} is in frame {frame_id!r}; allowed: {', '.join(repr(text) for text in known)}")
 
 
 def field(data: Any, name: str, *default: Any) -> Any:

@@ -30,7 +30,13 @@ def duration_to_message(seconds: float) -> Duration:
 
 
 def seconds_from_message(message: Time | Duration) -> float:
-    """Convert a stamp or a duration to seconds."""
+    """Convert a stamp or a duration to seconds.
+
+    Raises:
+        ConversionError: it has a whole second or more of nanoseconds.
+    """
+    if message.nanosec >= NANOSECONDS:
+        raise ConversionError(f"a time has {message.nanosec} nanoseconds; there must be fewer than {NANOSECONDS}")
     return message.sec + message.nanosec / NANOSECONDS
 
 

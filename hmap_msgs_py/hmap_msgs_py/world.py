@@ -1,6 +1,7 @@
 """Conversions of scenes, robot states and world states."""
 
 import json
+from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
@@ -9,7 +10,7 @@ from std_msgs.msg import Header
 
 from hmap_msgs.msg import RobotState, Scene, WorldState
 from hmap_msgs_py.bodies import body_from_message, body_to_message
-from hmap_msgs_py.checks import ConversionError, field, finite, one_of
+from hmap_msgs_py.checks import ConversionError, field, finite, frame, one_of
 from hmap_msgs_py.poses import pose_from_message, pose_to_message
 
 MODES = (Scene.KINEMATIC, Scene.PHYSICAL)
@@ -123,10 +124,9 @@ def world_state_from_message(message: WorldState) -> dict:
     Raises:
         ConversionError: a value is not allowed, or two robots or bodies have the same name.
     """
+    _check_names(message)
     robots = {robot.name: robot_state_from_message(robot) for robot in message.robots}
     bodies = {body.name: body_from_message(body) for body in message.bodies}
-    if len(robots) != len(message.robots) or len(bodies) != len(message.bodies):
-        raise ConversionError("two robots or two bodies of the world state have the same name")
     return {
         "task": message.task,
         "seed": message.seed,
@@ -137,3 +137,34 @@ def world_state_from_message(message: WorldState) -> dict:
         "gripper": {name: robot["gripper"] for name, robot in robots.items()},
         "poses": {name: body["pose"] for name, body in bodies.items()},
     }
+
+
+def placement_from_message(message: WorldState) -> dict:
+    """Convert only where robots and bodies are, to ``{joint_names, q, gripper, poses}``, dicts by name.
+
+    Velocities, shapes, colours and what else is not needed for this are not read. The gripper openings are not checked:
+    a robot without a gripper has none.
+
+    Raises:
+        ConversionError: a value that is needed is not allowed, or two robots or bodies have the same name.
+    """
+    frame("the world state", message.header.frame_id, ("", WORLD_FRAME))
+    _check_names(message)
+    return {
+        "joint_names": {robot.name: list(robot.joint_names) for robot in message.robots},
+        "q": {
+            robot.name: finite(f"position of {robot.name!r}", robot.position, (len(robot.joint_names),))
+            for robot in message.robots
+        },
+        "gripper": {robot.name: float(robot.gripper_opening) for robot in message.robots},
+        "poses": {body.name: pose_from_message(body.pose, f"pose of {body.name!r}") for body in message.bodies},
+    }
+
+
+def _check_names(message: WorldState) -> None:
+    for what, entries in (("robots", message.robots), ("bodies", message.bodies)):
+        for name, times in Counter(entry.name for entry in entries).items():
+            if not name:
+                raise ConversionError(f"the world state has {what} with an empty name")
+            if times > 1:
+                raise ConversionError(f"{times} {what} of the world state have the same name {name!r}")

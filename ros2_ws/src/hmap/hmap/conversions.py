@@ -11,7 +11,7 @@ from builtin_interfaces.msg import Time
 
 from hmap_core import plan_file
 from hmap_core.contacts.camera import Cloud
-from hmap_core.exceptions import Code, InputError
+from hmap_core.exceptions import Code, HmapError, InputError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.scenes import scene_from_text, scene_to_text
 from hmap_core.scenes.fields import NAME_PATTERN
@@ -20,7 +20,7 @@ from hmap_core.transforms import multiply
 from hmap_core.types import Body, BodyKind, Plan, Scene, SceneState, Shape, ShapeKind
 from hmap_msgs import msg
 from hmap_msgs_py import bodies, clouds, plans, world
-from hmap_msgs_py.checks import ConversionError
+from hmap_msgs_py.checks import ConversionError, finite, frame
 
 SCENES_KEPT = 16  # number of cached scenes; every request of a plan has the same scene
 
@@ -69,6 +69,31 @@ def body_from_message(message: msg.Body) -> Body:
     return Body(**fields | {"kind": BodyKind(fields["kind"]), "shapes": shapes})
 
 
+def bodies_from_message(message: msg.BodyArray) -> tuple[dict[str, Body], list[str]]:
+    """Convert to bodies by name, each for itself.
+
+    Returns:
+        The bodies, and why others are left out.
+
+    Raises:
+        ConversionError: the bodies are in another frame than the world.
+    """
+    frame("the bodies", message.header.frame_id, ("", world.WORLD_FRAME))
+    found: dict[str, Body] = {}
+    problems = []
+    for entry in message.bodies:
+        try:
+            body = body_from_message(entry)
+        except (HmapError, ConversionError) as error:
+            problems.append(str(error))
+            continue
+        if body.name in found:
+            problems.append(f"two bodies have the name {body.name!r}; the first one is used")
+        else:
+            found[body.name] = body
+    return found, problems
+
+
 def _shape(fields: dict, body: str) -> Shape:
     if min(fields["size"]) <= 0.0:
         raise InputError(f"body {body!r}: size {fields['size']} must be above 0", Code.INVALID_SCENE)
@@ -106,22 +131,25 @@ def state_to_message(
 def state_from_message(scene: Scene, message: msg.WorldState) -> SceneState:
     """Convert to the state of every robot and body of a scene; joints are matched by name.
 
-    A body that is attached to a robot of the scene is not in the message; its pose follows from the robot's.
+    Only what the state needs is read: wrong velocities or shapes do not matter. A body that is attached to a robot of
+    the scene is not in the message; its pose follows from the robot's.
 
     Raises:
-        ConversionError: NaN, a quaternion that is not normalised, or a wrong size.
+        ConversionError: NaN, a quaternion that is not normalised, a wrong size, or another frame than the world.
         InputError: a robot or body is not in the scene, or one of the scene is missing.
     """
-    fields = world.world_state_from_message(message)
+    fields = world.placement_from_message(message)
     _same_names("robots", fields["q"], scene.robots, Code.UNKNOWN_ROBOT)
     _same_names("bodies", fields["poses"], scene.bodies, Code.UNKNOWN_OBJECT)
-    q = {}
+    q, gripper = {}, {}
     for name, robot in scene.robots.items():
-        given, wanted = fields["robots"][name]["joint_names"], robot.model.joint_names
+        given, wanted = fields["joint_names"][name], robot.model.joint_names
         if sorted(given) != sorted(wanted):
             raise InputError(f"the joints of {name!r} are {', '.join(given)}; they must be {', '.join(wanted)}")
         q[name] = fields["q"][name][[given.index(joint) for joint in wanted]]
-    return SceneState(q, fields["gripper"], fields["poses"] | _attached_poses(scene, q))
+        opening = fields["gripper"][name] if robot.model.gripper else 0.0
+        gripper[name] = float(finite(f"gripper of {name!r}", opening, ()))
+    return SceneState(q, gripper, fields["poses"] | _attached_poses(scene, q))
 
 
 def _attached_poses(scene: Scene, q: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
@@ -23,6 +23,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
 from hmap.environment import ros_environment
+from hmap.problem_log import ProblemLog
 from hmap.spinning import Spinner
 from hmap_core.compile_cache import ensure_compiled
 from hmap_core.exceptions import HmapError
@@ -40,6 +41,11 @@ STARTING = "starting"  # the first status
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
+def clock_time(node: Node) -> float | None:
+    """The time of a node's clock in s; None while ``use_sim_time`` is set and no time has come on /clock."""
+    return node.get_clock().now().nanoseconds * 1e-9 or None
+
+
 class HmapNode(Node):
     """A node whose callbacks run concurrently in the reentrant group :attr:`group`.
 
@@ -48,6 +54,7 @@ class HmapNode(Node):
             of the cost.
         plans: whether it runs compiled code, which is compiled before the node starts.
         group: of all callbacks.
+        problems: what is wrong with messages, named once per cause.
         stopping: set at the shutdown.
         spinner: spins the executor; None before the start.
     """
@@ -58,6 +65,14 @@ class HmapNode(Node):
     def __init__(self, name: str):
         super().__init__(name)
         self.group = ReentrantCallbackGroup()
+        self.problems = ProblemLog(
+            lambda text: self.get_logger().warning(text),
+            lambda text: self.get_logger().info(text),
+        )
+        self._errors = ProblemLog(
+            lambda text: self.get_logger().error(text),
+            lambda text: self.get_logger().info(text),
+        )
         self.stopping = threading.Event()
         self.spinner: Spinner | None = None
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -105,17 +120,33 @@ class HmapNode(Node):
         """Call a function every ``period`` seconds of real time, independently of the simulated clock."""
         self.create_timer(period, self.guarded(callback), callback_group=self.group, clock=self._steady)
 
-    def guarded(self, callback: Callable) -> Callable:
-        """Wrap a callback so that its errors are logged; the content of a message must not stop the node."""
+    def now(self) -> float | None:
+        """The time of the node's clock in s; None while ``use_sim_time`` is set and no time has come on /clock."""
+        return clock_time(self)
 
-        def safe(*arguments):
+    def guarded(self, callback: Callable[..., Iterable[str] | None], source: str = "") -> Callable:
+        """Wrap a callback so that its errors are logged; the content of a message must not stop the node.
+
+        Errors are logged once per cause, and so are the problems that the callback returns.
+
+        Args:
+            callback: raises what is wrong with a message, or returns what is wrong with parts that it does not need.
+            source: of the calls, such as a topic; default: the callback's name.
+        """
+        label = source or getattr(callback, "__name__", type(callback).__name__).strip("_")
+        key = source or id(callback)
+
+        def safe(*arguments) -> None:
+            problems, errors = None, []
             try:
-                callback(*arguments)
+                problems = callback(*arguments)
             except (HmapError, ConversionError) as error:
-                self.get_logger().warning(str(error), throttle_duration_sec=1.0)
+                problems = [str(error)]
             except Exception as error:
-                if not self.stopping.is_set():
-                    self.get_logger().error(f"{error!r}\n{traceback.format_exc()}")
+                errors = [f"{error!r}\n{traceback.format_exc()}"]
+            self.problems.update(key, problems or (), label)
+            if not (errors and self.stopping.is_set()):
+                self._errors.update(key, errors, label)
 
         return safe
 
@@ -125,7 +156,7 @@ class HmapNode(Node):
         Args:
             message_type: of the topic.
             topic: its name.
-            callback: called with each message.
+            callback: called with each message; can return what is wrong with parts that it does not need.
             qos: quality of service, or the depth of the queue.
             options: further arguments of rclpy.
 
@@ -133,7 +164,7 @@ class HmapNode(Node):
             The subscription.
         """
         return self.create_subscription(
-            message_type, topic, self.guarded(callback), qos, callback_group=self.group, **options
+            message_type, topic, self.guarded(callback, topic), qos, callback_group=self.group, **options
         )
 
     def serve(self, service_type: type, name: str, handler: Callable[[Any, Any], None]):
@@ -181,6 +212,9 @@ class HmapNode(Node):
 
     def _publish_diagnostics(self) -> None:
         level, text, values = self._status
+        problems = self.problems.active()
+        if problems:
+            level, values = max(level, DiagnosticStatus.WARN), values | {"problems": "; ".join(problems)}
         status = DiagnosticStatus(
             level=level,
             name=self.get_fully_qualified_name(),

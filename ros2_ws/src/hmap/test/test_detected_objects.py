@@ -88,3 +88,15 @@ def test_a_box_on_the_table_is_a_box_that_stands_on_it(world, scene):
     assert seen.shapes[0].kind is ShapeKind.BOX
     assert np.linalg.norm(seen.pose[:3] - box.pose[:3]) < 2 * NEAR
     assert seen.pose[2] - 0.5 * seen.shapes[0].size[2] == pytest.approx(top, abs=NEAR)
+
+
+def test_older_picture_of_another_camera_moves_and_removes_nothing(world, scene):
+    detected_objects = DetectedObjects(scene)
+    world.add_body(sphere("ball", RADIUS, PLACE))
+    before = picture(world, scene, 1.0)
+    world.move_body("ball", sphere("ball", RADIUS, ELSEWHERE).pose)
+    assert detected_objects.update(picture(world, scene, 2.0))
+    other = replace(before.camera, name="other")
+    assert not detected_objects.update(replace(before, camera=other))
+    assert not detected_objects.update(replace(before, camera=other, names={}))
+    assert np.linalg.norm(detected_objects.bodies["ball"].pose[:3] - ELSEWHERE) < NEAR

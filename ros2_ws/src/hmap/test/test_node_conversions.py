@@ -108,6 +108,41 @@ def test_wrong_states_are_refused(scene, spoil, code):
     assert error_to_message(caught.value).code == code
 
 
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda m: setattr(m.robots[0], "velocity", [float("nan")] * 7),
+        lambda m: setattr(m.robots[0], "velocity", [0.0]),
+        lambda m: setattr(m.robots[0].base_pose.orientation, "w", 5.0),
+        lambda m: setattr(m.bodies[0], "mass", float("nan")),
+        lambda m: setattr(m.bodies[0].color, "r", float("inf")),
+        lambda m: setattr(m.bodies[0], "shapes", []),
+    ],
+)
+def test_what_a_state_does_not_need_is_not_judged(scene, spoil):
+    message = convert.state_to_message(scene, scene.start_state())
+    spoil(message)
+    assert equal(convert.state_from_message(scene, message), scene.start_state())
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        (lambda m: m.bodies.append(m.bodies[0]), "2 bodies of the world state have the same name"),
+        (lambda m: m.robots.append(m.robots[0]), "2 robots of the world state have the same name"),
+        (lambda m: setattr(m.bodies[0], "name", ""), "bodies with an empty name"),
+        (lambda m: setattr(m.header, "frame_id", "map"), "frame 'map'"),
+        (lambda m: setattr(m.robots[0], "gripper_opening", float("nan")), "gripper of 'panda_1' holds nan"),
+    ],
+)
+def test_wrong_states_are_named(scene, spoil, says):
+    message = convert.state_to_message(scene, scene.start_state())
+    message.bodies, message.robots = list(message.bodies), list(message.robots)
+    spoil(message)
+    with pytest.raises(ConversionError, match=says):
+        convert.state_from_message(scene, message)
+
+
 def test_body(scene):
     body = scene.bodies["tunnel_a"]
     assert equal(convert.body_from_message(body_to_message(body)), body, 1e-6)  # colours are float32

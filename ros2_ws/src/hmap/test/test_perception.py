@@ -5,15 +5,18 @@ import time
 
 import pytest
 import rclpy
+from geometry_msgs.msg import PoseStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import Image, JointState
 
 from hmap.node import LATCHED
 from hmap.nodes.perception import CAMERA_TOPICS, Perception
 from hmap_core.exceptions import InputError
 from hmap_core.scenes import load_scene
+from hmap_msgs_py.checks import ConversionError
+from hmap_msgs_py.times import time_to_message
 
 FIRST_DOMAIN, DOMAINS = 120, 100  # ROS_DOMAIN_ID; each process of tests takes its own
 PATIENCE = 30.0  # s to find each other on a busy machine
@@ -56,3 +59,90 @@ def test_without_a_clock_no_measurement_counts_as_fresh(ros):
         perception._check_age(time.time())
     perception.close()
     perception.destroy_node()
+
+
+@pytest.fixture
+def perception(ros):
+    perception = Perception()
+    perception.warned = []
+    perception.problems._warn = perception.warned.append
+    yield perception
+    perception.close()
+    perception.destroy_node()
+
+
+def joints_of(perception) -> list[str]:
+    return list(perception._fusion._joints)
+
+
+def joint_state(names, stamp: float, velocity: float = 0.0) -> JointState:
+    message = JointState(name=names, position=[0.01] * len(names), velocity=[velocity, *[0.0] * (len(names) - 1)])
+    message.header.stamp = time_to_message(stamp)
+    return message
+
+
+def pose_of(stamp: float, frame: str = "world", w: float = 1.0) -> PoseStamped:
+    message = PoseStamped()
+    message.header.stamp, message.header.frame_id = time_to_message(stamp), frame
+    message.pose.orientation.w = w
+    return message
+
+
+def test_nan_in_one_velocity_blocks_nothing_and_is_named_once(perception):
+    take = perception.guarded(perception._take_joints, "joint_states")
+    now = time.time()
+    for _ in range(20):
+        take(joint_state(joints_of(perception), now, float("nan")))
+    perception._take_pose("bar", pose_of(now))
+    perception._publish_state()
+    assert perception._status[1] == "measuring"
+    assert len(perception.warned) == 1 and "velocity of joint" in perception.warned[0]
+
+
+def test_each_cause_is_named_once_and_again_when_it_comes_back(perception):
+    take = perception.guarded(lambda message: perception._take_pose("bar", message), "vicon/bar/bar")
+    now = time.time()
+    for i in range(20):
+        take(pose_of(now + 3600.0 + 0.1 * i))
+        take(pose_of(now + 0.001 * i, "map"))
+    assert len(perception.warned) == 2 + 8  # each comes and goes 20 times: the 1st, 2nd, 4th, 8th and 16th are named
+    perception.warned.clear()
+    for i in range(20):
+        take(pose_of(now + 0.001 * i, w=0.0))
+    assert len(perception.warned) == 1 and "norm 0" in perception.warned[0]
+    take(pose_of(now))
+    take(pose_of(now, w=0.0))
+    assert len(perception.warned) == 2
+
+
+def test_pose_of_an_hour_ahead_does_not_count(perception):
+    now = time.time()
+    perception._take_joints(joint_state(joints_of(perception), now))
+    with pytest.raises(ConversionError, match="'bar' is stamped 36.* s ahead"):
+        perception._take_pose("bar", pose_of(now + 3600.0))
+    perception._publish_state()
+    assert perception._status[1] == "not measured yet: bar"
+    with pytest.raises(InputError, match="body 'bar', is stamped 36.* s ahead"):
+        perception._check_age(now + 3600.0, "body 'bar'")
+
+
+def test_driver_that_sets_no_stamps_is_told_so(perception):
+    perception._take_joints(joint_state(joints_of(perception), 0.0))
+    perception._take_pose("bar", pose_of(time.time()))
+    perception._publish_state()
+    assert "does its driver set stamps?" in perception._status[1] and "of joint" in perception._status[1]
+
+
+@pytest.mark.parametrize("frame", ["map", "", "odom"])
+def test_unknown_frames_are_refused(perception, frame):
+    with pytest.raises(ConversionError, match=f"frame {frame!r}; allowed: 'vicon', 'world'"):
+        perception._take_pose("bar", pose_of(time.time(), frame))
+
+
+def test_problems_of_now_are_on_the_diagnostics(perception):
+    sent = []
+    perception._diagnostics = type("Publisher", (), {"publish": staticmethod(sent.append)})
+    perception._take_joints(joint_state(joints_of(perception), time.time(), float("nan")))
+    perception._publish_diagnostics()
+    (status,) = sent[0].status
+    assert any(value.key == "problems" and "velocity" in value.value for value in status.values)

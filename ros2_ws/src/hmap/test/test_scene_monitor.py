@@ -18,6 +18,7 @@ from hmap_core.simulation.dynamic import sphere
 from hmap_core.types import Plan, Segment, SegmentKind, Trajectory
 from hmap_msgs.msg import BodyArray, ObjectClouds
 from hmap_msgs_py.bodies import body_to_message
+from hmap_msgs_py.checks import ConversionError
 from hmap_msgs_py.times import time_to_message
 
 OBJECT = "bar"
@@ -32,13 +33,13 @@ class FakeNode:
     def __init__(self, seconds: float):
         self.callbacks = {}
         self.stopping = threading.Event()
-        self._seconds = seconds
+        self.seconds = seconds
 
     def subscribe(self, kind, topic, callback, qos=None):
         self.callbacks[topic] = callback
 
     def get_clock(self):
-        return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=round(self._seconds * 1e9)))
+        return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=round(self.seconds * 1e9)))
 
 
 @pytest.fixture(scope="module")
@@ -198,3 +199,62 @@ def test_clouds_are_decoded_once_asked_for_and_sent_on_as_they_came(scene):
     np.testing.assert_allclose(found[OBJECT].points, points, atol=1e-6)
     assert cloud_to_message(OBJECT, scene.bodies[OBJECT].pose, found[OBJECT]) is good
     assert scene_monitor.clouds()[OBJECT] is found[OBJECT]
+
+
+def test_older_state_that_arrives_later_replaces_nothing(scene):
+    scene_monitor, tell = monitor_at(scene, 2.0)
+    tell(1.9, 0.01)
+    tell(1.8, 0.5)
+    stamp, state = scene_monitor.state(NO_PATIENCE)
+    assert stamp == pytest.approx(1.9) and x(scene, state) == pytest.approx(0.01)
+
+
+def test_state_of_an_hour_ahead_counts_neither_now_nor_later(scene):
+    scene_monitor, tell = monitor_at(scene, 2.0)
+    with pytest.raises(ConversionError, match="world state is stamped 3600.00 s ahead"):
+        tell(3602.0, 0.5)
+    with pytest.raises(InputError):
+        scene_monitor.state(NO_PATIENCE)
+    tell(1.9, 0.0)
+    assert scene_monitor.state(NO_PATIENCE)[0] == pytest.approx(1.9)
+
+
+def test_simulation_that_is_started_anew_is_followed(scene):
+    scene_monitor, tell = monitor_at(scene, 500.0)
+    tell(499.9, 0.3)
+    tell(0.1, 0.02)  # arrives before the clock is known to have jumped back
+    scene_monitor._node.seconds = 0.2
+    assert scene_monitor.state(NO_PATIENCE)[0] == pytest.approx(0.1)
+    tell(0.3, 0.04)
+    assert x(scene, scene_monitor.state(NO_PATIENCE)[1]) == pytest.approx(0.04)
+
+
+def test_one_bad_body_does_not_hide_the_others(scene):
+    scene_monitor, _ = monitor_at(scene, 2.0)
+    good, bad = (sphere(name, 0.03, np.array([0.1, 0.2, 0.3])) for name in ("good", "bad"))
+    message = new_object(good, bad, good)
+    message.bodies[1].pose.orientation.w = 0.0
+    problems = scene_monitor._node.callbacks["new_object"](message)
+    assert set(scene_monitor.scene().bodies) == {*scene.bodies, "good"}
+    assert len(problems) == 2 and "'bad'" in problems[0] and "'good'" in problems[1]
+
+
+def test_other_frames_than_the_world_are_refused(scene):
+    scene_monitor, _ = monitor_at(scene, 2.0)
+    message = new_object()
+    message.header.frame_id = "camera"
+    with pytest.raises(ConversionError, match="frame 'camera'"):
+        scene_monitor._node.callbacks["new_object"](message)
+
+
+def test_older_clouds_replace_nothing(scene):
+    scene_monitor, _ = monitor_at(scene, 2.0)
+    cloud = Cloud(np.zeros((2, 3)), np.tile([0.0, 0.0, 1.0], (2, 1)), np.ones(2, bool))
+    for stamp, names in ((1.9, (OBJECT, "new")), (1.8, (OBJECT, "old"))):
+        message = ObjectClouds(clouds=[cloud_to_message(name, scene.bodies[OBJECT].pose, cloud) for name in names])
+        message.header.stamp = time_to_message(stamp)
+        scene_monitor._node.callbacks["object_clouds"](message)
+    assert set(scene_monitor.clouds()) == {OBJECT, "new"}
+    message.header.stamp = time_to_message(3600.0)
+    with pytest.raises(ConversionError, match="clouds is stamped 3598.00 s ahead"):
+        scene_monitor._node.callbacks["object_clouds"](message)

@@ -23,11 +23,14 @@ from hmap_msgs.msg import Plan as PlanMessage
 from hmap_msgs.msg import PlannerStatus
 from hmap_msgs.srv import AddBody, GetScene, MoveBody
 from hmap_msgs_py.bodies import body_to_message
+from hmap_msgs_py.measurements import Latest, ReceiverClock
 from hmap_msgs_py.poses import pose_to_message
+from hmap_msgs_py.times import seconds_from_message
 
 NAME = "obstacle_{number}"
 ANSWER_LIMIT = 10.0  # s; time limit of calls to the world
 PATH_LIMIT = 1.0  # s; time limit of the search for a path of the object
+PLAN_AHEAD = 60.0  # s that a plan may be stamped ahead of the clock; plans come rarely, so that each of them counts
 PATH_STEP = 0.02  # m between the poses of the path near which obstacles appear
 
 
@@ -51,7 +54,8 @@ class DynamicObstacles(HmapNode):
         self._rng = np.random.default_rng(seed)
         self._remote = Caller(self, ANSWER_LIMIT, self.stopping.is_set)
         self._step_lock = threading.Lock()
-        self._plan: Plan | None = None
+        self._sensor_clock = ReceiverClock(self.now, PLAN_AHEAD)
+        self._plans: Latest[Plan] = Latest("the plan", self._sensor_clock)
         self._begun = 0  # stretches that have started, of all plans
         self._body: Body | None = None
         self._appeared, self._moved = 0, 0
@@ -61,14 +65,21 @@ class DynamicObstacles(HmapNode):
         self.set_status("waiting for a plan")
 
     def _take_plan(self, message: PlanMessage) -> None:
-        self._plan = plan_from_message(message)
+        self._plans.add(seconds_from_message(message.header.stamp), plan_from_message(message))
+
+    @property
+    def _plan(self) -> Plan | None:
+        """The newest plan."""
+        self._sensor_clock.now()
+        newest = self._plans.newest()
+        return None if newest is None else newest[1]
 
     def _take_status(self, message: PlannerStatus) -> None:
         self._begun += message.phase == PlannerStatus.EXECUTION
 
     def _step(self) -> None:
         """Execute the next event, if it is due."""
-        if self._plan is None or self._begun < self._after or not self._step_lock.acquire(blocking=False):
+        if self._begun < self._after or self._plan is None or not self._step_lock.acquire(blocking=False):
             return
         try:
             if self._body is not None and self._moved < self._moves:

@@ -1,10 +1,10 @@
 """The node ``perception``: combines measurements into ``world_state`` and clouds of the objects."""
 
+import math
 import sys
 from collections.abc import Callable
 from functools import partial
 
-import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
@@ -25,6 +25,8 @@ from hmap_core.types import BodyKind, Scene
 from hmap_msgs.msg import BodyArray, InstanceNames, ObjectClouds, WorldState
 from hmap_msgs.msg import Scene as SceneMessage
 from hmap_msgs_py.bodies import body_to_message
+from hmap_msgs_py.checks import ConversionError, frame
+from hmap_msgs_py.measurements import ReceiverClock
 from hmap_msgs_py.poses import pose_from_message
 from hmap_msgs_py.times import seconds_from_message, time_to_message
 
@@ -48,9 +50,12 @@ class Perception(HmapNode):
         task = self.parameter("task", "", "task whose scene is seen; empty: the scene that is published on `scene`")
         seed = self.parameter("seed", 0, "of its randomisation", 0, 2**31 - 1)
         rate = self.parameter("rate", 10.0, "of world_state, Hz of real time", 0.1, 1000.0)
-        self._stale_after = self.parameter("stale_after", 1.0, "s; older measurements are not published", 0.01, 3600.0)
+        text = "s; measurements that are older, or stamped farther ahead of the clock, are not published"
+        self._stale_after = self.parameter("stale_after", 1.0, text, 0.01, 3600.0)
         frames = "accepted frame_ids of body poses, which all have to mean the world frame"
         self._frames = set(self.parameter("pose_frames", ["world", "vicon"], frames))
+        self._sensor_clock = ReceiverClock(self.now, self._stale_after)
+        self._restarts = 0  # of the clock, that are dealt with
         self._state = self.create_publisher(WorldState, "world_state", 10)
         self._clouds = self.create_publisher(ObjectClouds, "object_clouds", LATCHED)
         self._new = self.create_publisher(BodyArray, "new_object", LATCHED)
@@ -60,6 +65,7 @@ class Perception(HmapNode):
         self._reported = False  # whether the last message of `new_object` has bodies
         self._scene_subscriptions: list = []
         self._seen: dict[str, dict[str, object]] = {}  # object -> camera -> its cloud
+        self._clouds_time = -math.inf  # s; of the newest picture in it
         self.subscribe(JointState, "joint_states", self._take_joints)
         if task:
             self._offered = self.create_publisher(SceneMessage, "scene", LATCHED)
@@ -79,7 +85,7 @@ class Perception(HmapNode):
         models = {name: robot.model for name, robot in scene.robots.items()}
         arms = {name: self._naming.arm_joints(name, model) for name, model in models.items()}
         fingers = {name: self._naming.finger_joints(name, model) for name, model in models.items()}
-        fusion = Fusion(scene, arms, fingers)
+        fusion = Fusion(scene, arms, fingers, self._sensor_clock)
         changed = previous is not None and _bodies_changed(previous, scene)
         if changed:
             fusion.copy_measurements(self._fusion)
@@ -88,12 +94,12 @@ class Perception(HmapNode):
         else:
             self._detected, self._announced = DetectedObjects(scene), set()
         self._fusion = fusion
-        self._seen = {}
+        self._seen, self._clouds_time = {}, -math.inf
         for subscription in self._scene_subscriptions:
             self.destroy_subscription(subscription)
         self._scene_subscriptions = [self._subscribe_to_body(name) for name in self._fusion.tracked]
         for camera in scene.cameras.values():
-            parts = PictureParts(camera)
+            parts = PictureParts(camera, self._sensor_clock)
             for part, (topic, kind) in CAMERA_TOPICS.items():
                 name = f"{self._naming.camera(camera.name)}/{topic}"
                 self._subscribe_to_camera(kind, name, partial(self._take_picture, parts, part))
@@ -133,23 +139,39 @@ class Perception(HmapNode):
     # the sensors
 
     def _take_joints(self, message: JointState) -> None:
-        if self._fusion:
-            time = seconds_from_message(message.header.stamp)
-            self._fusion.add_joints(time, message.name, message.position, message.velocity)
+        if self._fusion is None:
+            return
+        time = seconds_from_message(message.header.stamp)
+        try:
+            problems = self._fusion.add_joints(time, message.name, message.position, message.velocity)
+        except (InputError, ConversionError) as error:
+            problems = [str(error)]
+        # several drivers may publish on the topic, each the states of its own joints
+        self.problems.update(("joint_states", *message.name), problems, "joint_states")
 
     def _take_pose(self, name: str, message: PoseStamped) -> None:
-        if message.header.frame_id not in self._frames:
-            allowed = ", ".join(sorted(self._frames))
-            raise InputError(f"pose of {name!r} in frame {message.header.frame_id!r}; allowed: {allowed}")
-        pose = pose_from_message(message.pose, f"pose of {name!r}")
+        frame(f"the pose of {name!r}", message.header.frame_id, self._frames)
+        pose = pose_from_message(message.pose, f"the pose of {name!r}")
         self._fusion.add_pose(seconds_from_message(message.header.stamp), name, pose)
 
-    def _take_picture(self, parts: PictureParts, part: str, message) -> None:
+    def _take_picture(self, parts: PictureParts, part: str, message) -> list[str]:
         picture = parts.add(part, message)
-        if picture is not None:
-            if self._detected.update(picture):
-                self._report_new(time_to_message(picture.time))
-            self._update_clouds(picture)
+        if picture is None:
+            return []
+        forgotten = self._follow_clock()
+        if self._detected.update(picture) or forgotten:
+            self._report_new(time_to_message(picture.time))
+        self._update_clouds(picture)
+        return list(picture.problems)
+
+    def _follow_clock(self) -> bool:
+        """Forget what the cameras saw before the clock jumped back; whether it did."""
+        if self._restarts == self._sensor_clock.restarts:
+            return False
+        self._restarts = self._sensor_clock.restarts
+        self._seen, self._clouds_time = {}, -math.inf
+        self._detected = DetectedObjects(self._detected.scene)
+        return True
 
     def _update_clouds(self, picture: Picture) -> None:
         fusion = self._fusion
@@ -161,13 +183,15 @@ class Perception(HmapNode):
             mask = picture.mask == number
             cloud = cloud_from_depth(picture.depth, mask, picture.intrinsics, picture.camera.pose, pose)
             self._seen.setdefault(name, {})[picture.camera.name] = cloud
-        stamp = time_to_message(picture.time)
+        # several cameras: the message is as new as the newest picture in it
+        self._clouds_time = time = max(self._clouds_time, picture.time)
+        stamp = time_to_message(time)
         message = ObjectClouds()
         message.header.stamp, message.header.frame_id = stamp, FRAME
         for name, seen in self._seen.items():
             cloud = merge_clouds([cloud for cloud in seen.values() if len(cloud)])
             if len(cloud):
-                pose = fusion.pose_at(name, picture.time)
+                pose = fusion.pose_at(name, time)
                 message.clouds.append(cloud_to_message(name, pose, cloud, stamp))
         self._clouds.publish(message)
 
@@ -180,21 +204,29 @@ class Perception(HmapNode):
         fusion = self._fusion
         try:
             time, state, velocity = fusion.state()
-            self._check_age(time)
+            self._check_age(time, fusion.oldest()[1])
         except InputError as error:
             self.set_status(error.reason, DiagnosticStatus.WARN)
             return
         self._state.publish(state_to_message(fusion.scene, state, time_to_message(time), velocity))
         self.set_status("measuring", task=fusion.scene.task, seed=fusion.scene.seed)
 
-    def _check_age(self, time: float) -> None:
-        now = self.get_clock().now().nanoseconds * 1e-9
-        if now == 0.0:  # the age could not be computed
+    def _check_age(self, time: float, name: str = "") -> None:
+        now = self.now()
+        if now is None:  # the age could not be computed
             raise InputError("use_sim_time is set, but no time has come on /clock", Code.STALE_STATE)
-        age = now - time
-        if age > self._stale_after or not np.isfinite(age):
+        age, of = now - time, f", of {name}," if name else ""
+        if not age <= self._stale_after:
+            unset = "; its stamp is 0: does its driver set stamps?" if time == 0.0 else ""
             raise InputError(
-                f"the oldest measurement is {age:.2f} s old; {self._stale_after:g} s are allowed", Code.STALE_STATE
+                f"the oldest measurement{of} is {age:.2f} s old; {self._stale_after:g} s are allowed{unset}",
+                Code.STALE_STATE,
+            )
+        if age < -self._stale_after:
+            raise InputError(
+                f"the oldest measurement{of} is stamped {-age:.2f} s ahead of the clock; "
+                f"{self._stale_after:g} s are allowed",
+                Code.STALE_STATE,
             )
 
 

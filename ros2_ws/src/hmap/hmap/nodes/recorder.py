@@ -34,6 +34,27 @@ TOPICS = [
 ]
 
 
+class ContinuousTime:
+    """The times of a bag, which never go back: readers sort messages by them.
+
+    When the clock jumps back, as it does when a simulation is started anew, the times go on from the last one. The
+    stamps in the messages stay as they are.
+
+    Attributes:
+        offset: ns by which the times of the bag are ahead of the clock.
+    """
+
+    def __init__(self):
+        self.offset, self._last = 0, 0
+
+    def of(self, now: int) -> int:
+        """The time in the bag for a time of the clock, both in ns."""
+        if now + self.offset < self._last:
+            self.offset = self._last - now
+        self._last = now + self.offset
+        return self._last
+
+
 class Recorder(HmapNode):
     """Writes every message of the chosen topics unchanged."""
 
@@ -60,6 +81,7 @@ class Recorder(HmapNode):
         self._open = True
         self._topics: set[str] = set()
         self._count = 0
+        self._bag_time = ContinuousTime()
         self.every(DISCOVERY_PERIOD, self._discover)
 
     def close(self) -> None:
@@ -77,7 +99,9 @@ class Recorder(HmapNode):
             if chosen and self.count_publishers(topic):
                 self._topics.add(topic)
                 self._record(topic, kinds[0])
-        self.set_status("recording", topics=len(self._topics), messages=self._count)
+        back = self._bag_time.offset * 1e-9
+        values = {"clock_went_back_s": round(back, 3)} if back else {}
+        self.set_status("recording", topics=len(self._topics), messages=self._count, **values)
 
     def _record(self, topic: str, kind: str) -> None:
         if kind not in self._types.fielddefs:
@@ -92,13 +116,13 @@ class Recorder(HmapNode):
             connection = self._writer.add_connection(topic, kind, typestore=self._types)
 
         def write(data: bytes) -> None:
-            now = self.get_clock().now().nanoseconds
             with self._lock:
                 if self._open:
-                    self._writer.write(connection, now, data)
+                    self._writer.write(connection, self._bag_time.of(self.get_clock().now().nanoseconds), data)
                     self._count += 1
 
-        self.create_subscription(message_type, topic, self.guarded(write), qos, callback_group=self.group, raw=True)
+        guarded = self.guarded(write, topic)
+        self.create_subscription(message_type, topic, guarded, qos, callback_group=self.group, raw=True)
 
     def _qos(self, topic: str) -> QoSProfile:
         """A quality of service that all publishers of the topic are compatible with."""

@@ -44,7 +44,7 @@ class WorldNode(HmapNode):
         )
         idle = self.parameter("idle_real_time_factor", 1.0, "the same while no robot moves", 0.1, 1000.0)
         self._periods = {
-            "clock": 1.0 / self.parameter("clock_rate", 20.0, "of /clock, Hz of real time", 1.0, 1000.0),
+            "clock": 1.0 / self.parameter("clock_rate", 20.0, "of /clock at least, Hz of real time", 1.0, 1000.0),
             "joints": 1.0 / self.parameter("joint_state_rate", 20.0, "of joint_states, Hz of real time", 1.0, 1000.0),
             "poses": 1.0 / self.parameter("body_pose_rate", 15.0, "of the bodies' poses, Hz of real time", 1.0, 1000.0),
         }
@@ -167,11 +167,12 @@ class WorldNode(HmapNode):
         if self.stopping.is_set():
             return
         stamp = time_to_message(world.time)
-        if self._due("clock"):
+        clock, joints, poses = (self._due(what) for what in ("clock", "joints", "poses"))
+        if clock or joints or poses:  # no stamp is ahead of the clock
             self._clock_topic.publish(Clock(clock=stamp))
-        if self._due("joints"):
+        if joints:
             self._joints.publish(self._joint_state(world, stamp))
-        if self._due("poses"):
+        if poses:
             self._publish_poses(world, stamp)
         if self._camera_period > 0.0 and world.time - self._last.get("pictures", -np.inf) >= self._camera_period:
             self._last["pictures"] = world.time
@@ -204,6 +205,7 @@ class WorldNode(HmapNode):
 
     def _picture(self, world: SimulatedWorld) -> None:
         self._pictured = self._configuration(world)
+        self._clock_topic.publish(Clock(clock=time_to_message(world.time)))
         for name, publisher in list(self._cameras.items()):
             publisher.publish(world.render(name), time_to_message(world.time))
 

@@ -29,22 +29,30 @@ class DetectedObjects:
 
     scene: Scene
     bodies: dict[str, Body] = field(default_factory=dict)
+    _times: dict[str, float] = field(default_factory=dict)  # name -> time of the newest picture that showed it, s
     _points: dict[str, dict[str, tuple[float, np.ndarray]]] = field(default_factory=dict)  # name -> camera -> points
 
     def update(self, picture: Picture) -> bool:
-        """Process a picture; whether an object has appeared, moved or disappeared."""
+        """Process a picture; whether an object has appeared, moved or disappeared.
+
+        A picture is ignored for objects that a newer picture of another camera has shown.
+        """
         known = self.scene.bodies.keys() | self.scene.robots.keys()
         names = {_name(name, number): number for name, number in picture.names.items() if name not in known}
         changed = False
         for name in self.bodies.keys() - names.keys():
-            del self.bodies[name]
-            self._points.pop(name, None)
-            changed = True
+            if picture.time >= self._times.get(name, -np.inf):
+                del self.bodies[name]
+                self._points.pop(name, None)
+                self._times.pop(name, None)
+                changed = True
         for name, number in names.items():
             changed |= self._track(name, picture, picture.mask == number)
         return changed
 
     def _track(self, name: str, picture: Picture, mask: np.ndarray) -> bool:
+        if picture.time < self._times.get(name, -np.inf):
+            return False
         world = transforms.IDENTITY  # the object has no frame of its own
         points = cloud_from_depth(picture.depth, mask, picture.intrinsics, picture.camera.pose, world).points
         seen = self._points.setdefault(name, {})
@@ -53,7 +61,10 @@ class DetectedObjects:
         known = self.bodies.get(name)
         body = track_body(known, all_points, picture.camera.pose[:3]) if known else None
         body = body or estimate_body(name, all_points, self._floor(all_points))
-        if body is None or (name in self.bodies and not _differs(self.bodies[name], body)):
+        if body is None:
+            return False
+        self._times[name] = picture.time
+        if name in self.bodies and not _differs(self.bodies[name], body):
             return False
         self.bodies[name] = body
         return True

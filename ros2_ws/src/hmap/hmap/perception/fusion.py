@@ -1,13 +1,14 @@
 """Joint states and motion capture of one scene, combined into one state."""
 
 import threading
-from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from hmap_core.exceptions import Code, InputError
 from hmap_core.types import BodyKind, Scene, SceneState
+from hmap_msgs_py.checks import joint_readings, poses
+from hmap_msgs_py.measurements import Latest, ReceiverClock
 
 POSES_KEPT = 200  # per body, to find its pose at the time of a picture
 
@@ -19,15 +20,28 @@ class Fusion:
         scene: the scene.
         arm_joints: robot -> names of its arm's joints in the joint states, base to tip.
         finger_joints: robot -> names of its gripper's joints there; empty without a gripper.
+        clock: judges the stamps; None: they are only compared with each other.
     """
 
-    def __init__(self, scene: Scene, arm_joints: Mapping[str, list[str]], finger_joints: Mapping[str, list[str]]):
+    def __init__(
+        self,
+        scene: Scene,
+        arm_joints: Mapping[str, list[str]],
+        finger_joints: Mapping[str, list[str]],
+        clock: ReceiverClock | None = None,
+    ):
         self.scene = scene
         self._arm_joints, self._finger_joints = arm_joints, finger_joints
         self._lock = threading.Lock()
-        self._joints: dict[str, tuple[float, float, float]] = {}  # name -> time, position, velocity
-        self._poses: dict[str, deque[tuple[float, np.ndarray]]] = {
-            name: deque(maxlen=POSES_KEPT) for name, body in scene.bodies.items() if body.kind is not BodyKind.FIXED
+        self._clock = clock or ReceiverClock()
+        joints = [name for rows in (arm_joints, finger_joints) for row in rows.values() for name in row]
+        self._joints: dict[str, Latest[tuple[float, float]]] = {  # name -> position, velocity
+            name: Latest(f"the state of joint {name!r}", self._clock) for name in joints
+        }
+        self._poses: dict[str, Latest[np.ndarray]] = {
+            name: Latest(f"the pose of {name!r}", self._clock, POSES_KEPT)
+            for name, body in scene.bodies.items()
+            if body.kind is not BodyKind.FIXED
         }
 
     @property
@@ -38,43 +52,56 @@ class Fusion:
     def copy_measurements(self, previous: "Fusion") -> None:
         """Copy the measurements of the robots and bodies that both scenes have."""
         with previous._lock, self._lock:
-            self._joints |= previous._joints
-            for name in self._poses.keys() & previous._poses.keys():
-                self._poses[name].extend(previous._poses[name])
+            for mine, others in ((self._joints, previous._joints), (self._poses, previous._poses)):
+                for name in mine.keys() & others.keys():
+                    mine[name].copy_from(others[name])
 
-    def add_joints(self, time: float, names, positions, velocities) -> None:
-        """Add joint states; unknown joints are ignored.
+    def add_joints(
+        self, time: float, names: Sequence[str], positions: Sequence[float], velocities: Sequence[float] = ()
+    ) -> list[str]:
+        """Add joint states, field by field; joints that are not of this scene's robots are ignored.
 
         Args:
             time: s.
             names: of the joints.
             positions: rad or m.
-            velocities: rad/s or m/s; empty: zero.
+            velocities: rad/s or m/s; empty: zero. A velocity that is wrong counts as zero.
+
+        Returns:
+            What is wrong with values that were left out, while others were used.
 
         Raises:
-            InputError: the numbers of values differ, or a value is not finite.
+            InputError: no joint can be used, though joints of this scene are named.
+            StampError: the stamp cannot be right.
         """
-        velocities = velocities if len(velocities) else np.zeros(len(positions))
-        if not len(names) == len(positions) == len(velocities):
-            raise InputError(f"joint states of {len(names)} names with {len(positions)} positions")
-        values = np.array([positions, velocities], float)
-        if not np.isfinite(values).all():
-            bad = names[int(np.argwhere(~np.isfinite(values))[0][1])]
-            raise InputError(f"the joint state of {bad!r} is not finite")
+        readings = joint_readings(names, positions, velocities, self._joints)
+        problems = [*readings.refused, *readings.ignored]
+        if readings.values:
+            self._clock.check("the joint state", time)
         with self._lock:
-            for i, name in enumerate(names):
-                self._joints[name] = (time, float(values[0, i]), float(values[1, i]))
+            for name, value in readings.values.items():
+                self._joints[name].add_checked(time, value)
+        if readings.refused and not readings.values:
+            raise InputError("; ".join(problems))
+        return problems
 
     def add_pose(self, time: float, body: str, pose: np.ndarray) -> None:
-        """Add a measured pose ``T_world_body`` (7,) of a body at a time (s)."""
+        """Add a measured pose ``T_world_body`` (7,) of a body at a time (s).
+
+        Raises:
+            PoseError: the pose is not finite, or its quaternion is not normalised.
+            StampError: the stamp cannot be right.
+        """
+        T = poses(f"the pose of {body!r}", [pose], 1)[0]
+        T = np.concatenate([T[:3], T[3:] / np.linalg.norm(T[3:])])  # float32 senders are off by 1e-7
         with self._lock:
-            self._poses[body].append((time, pose))
+            if body in self._poses:  # it may have left the scene
+                self._poses[body].add(time, T)
 
     def pose_at(self, body: str, time: float) -> np.ndarray | None:
         """T_world_body (7,) from the measurement nearest to a time (s); None before the first measurement."""
         with self._lock:
-            measured = list(self._poses.get(body, ()))
-        return min(measured, key=lambda entry: abs(entry[0] - time))[1] if measured else None
+            return self._poses[body].nearest(time) if body in self._poses else None
 
     def state(self) -> tuple[float, SceneState, dict[str, np.ndarray]]:
         """Combine the newest measurements.
@@ -85,27 +112,42 @@ class Fusion:
         Raises:
             InputError: STALE_STATE; a joint or body has not been measured yet.
         """
+        time, _, state, velocities = self._combined()
+        return time, state, velocities
+
+    def oldest(self) -> tuple[float, str]:
+        """Time (s) and name of the oldest measurement that :meth:`state` uses.
+
+        Raises:
+            InputError: STALE_STATE; a joint or body has not been measured yet.
+        """
+        return self._combined()[:2]
+
+    def _combined(self) -> tuple[float, str, SceneState, dict[str, np.ndarray]]:
+        self._clock.now()
         with self._lock:
-            wanted = [
-                name for names in (self._arm_joints, self._finger_joints) for row in names.values() for name in row
-            ]
-            missing = [name for name in wanted if name not in self._joints]
-            missing += [name for name, measured in self._poses.items() if not measured]
-            if missing:
-                raise InputError(f"not measured yet: {', '.join(missing)}", Code.STALE_STATE)
-            times = [self._joints[name][0] for name in wanted] + [m[-1][0] for m in self._poses.values()]
-            poses = {name: body.pose for name, body in self.scene.bodies.items()}
-            poses |= {name: measured[-1][1] for name, measured in self._poses.items()}
-            q = {robot: self._column(names, 1) for robot, names in self._arm_joints.items()}
-            qd = {robot: self._column(names, 2) for robot, names in self._arm_joints.items()}
-            gripper = {robot: self._opening(robot) for robot in self._arm_joints}
-        return min(times, default=0.0), SceneState(q, gripper, poses), qd
+            joints = {name: keeper.newest() for name, keeper in self._joints.items()}
+            tracked = {name: keeper.newest() for name, keeper in self._poses.items()}
+        missing = [name for measured in (joints, tracked) for name, entry in measured.items() if entry is None]
+        if missing:
+            raise InputError(f"not measured yet: {', '.join(missing)}", Code.STALE_STATE)
+        times = [(entry[0], f"joint {name!r}") for name, entry in joints.items()]
+        times += [(entry[0], f"body {name!r}") for name, entry in tracked.items()]
+        time, name = min(times, default=(0.0, "nothing"))
+        placed = {name: body.pose for name, body in self.scene.bodies.items()}
+        placed |= {name: entry[1] for name, entry in tracked.items()}
+        values = {name: entry[1] for name, entry in joints.items()}
+        q = {robot: _column(values, names, 0) for robot, names in self._arm_joints.items()}
+        qd = {robot: _column(values, names, 1) for robot, names in self._arm_joints.items()}
+        gripper = {robot: self._opening(robot, values) for robot in self._arm_joints}
+        return time, name, SceneState(q, gripper, placed), qd
 
-    def _column(self, names: list[str], k: int) -> np.ndarray:
-        return np.array([self._joints[name][k] for name in names])
-
-    def _opening(self, robot: str) -> float:
+    def _opening(self, robot: str, values: Mapping[str, tuple[float, float]]) -> float:
         names = self._finger_joints[robot]
         if not names:
             return 0.0
-        return self.scene.robots[robot].model.gripper.opening_at(self._column(names, 1))
+        return self.scene.robots[robot].model.gripper.opening_at(_column(values, names, 0))
+
+
+def _column(values: Mapping[str, tuple[float, float]], names: Sequence[str], k: int) -> np.ndarray:
+    return np.array([values[name][k] for name in names])

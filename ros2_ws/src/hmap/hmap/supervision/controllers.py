@@ -14,6 +14,7 @@ from hmap.node import HmapNode
 from hmap_core.exceptions import Code, ExecutionError, PlannerError
 from hmap_core.execution.ports import Canceled, Feedback
 from hmap_core.types import JointTrajectory, Robot
+from hmap_msgs_py.checks import ConversionError
 from hmap_msgs_py.times import joint_trajectory_to_message, seconds_from_message, time_to_message
 
 POLL = 0.05  # s between looks at a cancel
@@ -60,13 +61,25 @@ class Command:
             handle.cancel_goal_async()
 
     def _report(self, message) -> None:
-        if not self._joints or sorted(message.feedback.joint_names) != sorted(self._joints):
+        """Note the feedback of an arm's controller; parts that are missing or malformed are left out."""
+        feedback, count = message.feedback, len(self._joints)
+        if not self._joints or sorted(feedback.joint_names) != sorted(self._joints):
             return
-        at = dict(zip(message.feedback.joint_names, message.feedback.desired.positions, strict=True))
-        stamp = seconds_from_message(message.feedback.header.stamp)
+        errors = np.abs(feedback.error.positions)
+        if len(errors) == count and np.isfinite(errors).all():
+            self.tracking_error = max(self.tracking_error, float(errors.max()))
+        positions = np.array(feedback.desired.positions, float)
+        if len(positions) != count or not np.isfinite(positions).all():
+            return
+        try:
+            stamp = seconds_from_message(feedback.header.stamp)
+        except ConversionError:
+            return
+        if self.feedback and stamp < self.feedback[-1].stamp:
+            return  # overtaken by a newer one
+        at = dict(zip(feedback.joint_names, positions, strict=True))
         entry = Feedback(time.monotonic(), stamp, np.array([at[name] for name in self._joints]))
         self.feedback = (*self.feedback[:1], entry)
-        self.tracking_error = max([self.tracking_error, *np.abs(message.feedback.error.positions)])
 
     def _end(self) -> None:
         self.ended.set()

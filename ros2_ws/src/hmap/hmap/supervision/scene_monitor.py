@@ -7,21 +7,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from hmap.conversions import body_from_message, cloud_from_message, scene_from_message, state_from_message
-from hmap.node import LATCHED, HmapNode
+from hmap.conversions import bodies_from_message, cloud_from_message, scene_from_message, state_from_message
+from hmap.node import LATCHED, HmapNode, clock_time
+from hmap.problem_log import ProblemLog
 from hmap_core import transforms
 from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import Code, InputError, PlannerError
 from hmap_core.types import Body, BodyKind, Scene, SceneState
 from hmap_msgs.msg import BodyArray, ObjectClouds, WorldState
 from hmap_msgs.msg import Scene as SceneMessage
-from hmap_msgs_py.checks import ConversionError
+from hmap_msgs_py.checks import ConversionError, frame
+from hmap_msgs_py.measurements import Latest, ReceiverClock
 from hmap_msgs_py.times import seconds_from_message
+from hmap_msgs_py.world import WORLD_FRAME
 
 REST_PERIOD = 0.2  # s between two looks at what is coming to rest, of the sensors' clock
 REST_DISTANCE, REST_ANGLE = 5e-4, 0.01  # m, rad that a body moves in that period; less counts as at rest
 REST_JOINT = 2e-3  # rad that a joint moves in it
 REST_LOOKS = 15  # looks at most
+AHEAD = 5.0  # s that a state may be stamped ahead of the node's clock; /clock comes late while the node is busy
+CLOUDS_AHEAD = 60.0  # s, the same for clouds, which come rarely, so that each of them counts
 
 
 class SceneMonitor:
@@ -40,10 +45,17 @@ class SceneMonitor:
         self._scene: Scene | None = None  # both together
         self._changed = 0.0  # when the bodies changed last, on the steady clock
         self._listeners: list[Callable[[], None]] = []
-        self._state: tuple[float, SceneState] | None = None  # stamp, state
-        self._arrived = -float("inf")  # on the steady clock
-        self._cloud_messages: ObjectClouds | None = None  # the newest, not yet decoded
-        self._clouds: dict[str, Cloud] = {}
+        self._clock = ReceiverClock(lambda: clock_time(node), AHEAD)
+        self._states: Latest[SceneState] = Latest("the world state", self._clock)
+        self._arrived = -float("inf")  # when the newest state did, on the steady clock
+        self._cloud_clock = ReceiverClock(lambda: clock_time(node), CLOUDS_AHEAD)
+        self._cloud_messages: Latest[ObjectClouds] = Latest("the message of the objects' clouds", self._cloud_clock)
+        self._decoded_message: ObjectClouds | None = None
+        self._clouds: dict[str, Cloud] = {}  # of that message
+        self._problems = ProblemLog(
+            lambda text: node.get_logger().warning(text),
+            lambda text: node.get_logger().info(text),
+        )
         node.subscribe(SceneMessage, "scene", self._take_scene, LATCHED)
         node.subscribe(WorldState, "world_state", self._take_state)
         node.subscribe(BodyArray, "new_object", self._take_new, LATCHED)
@@ -73,22 +85,27 @@ class SceneMonitor:
     def clouds(self) -> dict[str, Cloud]:
         """What has been seen of each object."""
         with self._news:
-            message, self._cloud_messages = self._cloud_messages, None
-            if message is not None:
-                self._clouds = self._decoded(message)
+            self._cloud_clock.now()
+            newest = self._cloud_messages.newest()
+            if newest is not None and newest[1] is not self._decoded_message:
+                self._decoded_message = newest[1]
+                self._clouds = self._decoded(newest[1])
             return dict(self._clouds)
 
     def _decoded(self, message: ObjectClouds) -> dict[str, Cloud]:
         """Clouds by object; malformed ones are named in the log and left out."""
-        found = {}
+        found, problems = {}, []
         for entry in message.clouds:
             try:
                 cloud = cloud_from_message(entry)
+                if entry.object in found:
+                    raise ConversionError(f"there are two clouds of {entry.object!r}; the first one is used")
             except ConversionError as error:
-                self._node.get_logger().warning(str(error))
+                problems.append(str(error))
                 continue
             if cloud is not None:
                 found[entry.object] = cloud
+        self._problems.update("object_clouds", problems)
         return found
 
     def state(self, patience: float, after: float = -float("inf")) -> tuple[float, SceneState]:
@@ -101,8 +118,9 @@ class SceneMonitor:
         until = time.monotonic() + patience
 
         def fresh() -> bool:
-            new = self._state is not None and self._state[0] > after
-            return new and time.monotonic() - self._arrived <= self._stale_after
+            self._clock.now()
+            newest = self._states.newest()
+            return newest is not None and newest[0] > after and time.monotonic() - self._arrived <= self._stale_after
 
         with self._news:
             self._wait(fresh, until)
@@ -111,7 +129,7 @@ class SceneMonitor:
                     f"no fresh world state within {patience:g} s: is perception running, and do its sensors speak?",
                     Code.STALE_STATE,
                 )
-            return self._state
+            return self._states.newest()
 
     def settled(self, patience: float) -> SceneState:
         """Where everything is once it stands, or after as long as one waits for that.
@@ -159,30 +177,33 @@ class SceneMonitor:
             if not same:
                 self._seen = {}
             if self._base is None or self._base.bodies.keys() != base.bodies.keys():
-                self._clouds, self._cloud_messages = {}, None
+                self._cloud_messages.clear()
+                self._clouds, self._decoded_message = {}, None
             # the same scene again: it was reset to its start, so earlier states are invalid
             changed = same and message.text != self._text
             self._base, self._text = base, message.text
             self._merge(keep_state=changed)
 
-    def _take_new(self, message: BodyArray) -> None:
-        bodies = [body_from_message(entry) for entry in message.bodies]
+    def _take_new(self, message: BodyArray) -> list[str]:
+        bodies, problems = bodies_from_message(message)
         with self._news:
-            self._seen = {body.name: body for body in bodies}
+            self._seen = bodies
             if self._base is not None:
                 self._merge(keep_state=True)
+        return problems
 
     def _merge(self, keep_state: bool) -> None:
         """The scene with all that was seen in it; a state of before counts where it lacks no measured body."""
         seen = {name: body for name, body in self._seen.items() if name not in self._base.bodies}
         self._scene = replace(self._base, bodies=self._base.bodies | seen)
-        state = self._state if keep_state else None
-        if state is not None:
+        newest = self._states.newest() if keep_state else None
+        self._states.clear()
+        if newest is not None:
+            stamp, state = newest
             fixed = {n: body.pose for n, body in self._scene.bodies.items() if body.kind is BodyKind.FIXED}
-            poses = {n: T for n, T in (state[1].poses | fixed).items() if n in self._scene.bodies}
-            complete = poses.keys() == self._scene.bodies.keys()
-            state = (state[0], replace(state[1], poses=poses)) if complete else None
-        self._state = state
+            poses = {n: T for n, T in (state.poses | fixed).items() if n in self._scene.bodies}
+            if poses.keys() == self._scene.bodies.keys():
+                self._states.add_checked(stamp, replace(state, poses=poses))
         self._changed = time.monotonic()
         self._news.notify_all()
         for listener in self._listeners:
@@ -193,16 +214,18 @@ class SceneMonitor:
             base = self._base
         if base is None:
             return
-        state = state_from_message(base, message)
+        stamp, state = seconds_from_message(message.header.stamp), state_from_message(base, message)
         with self._news:
             if base is self._base:
                 state.poses |= {n: body.pose for n, body in self._scene.bodies.items() if n not in base.bodies}
-                self._state, self._arrived = (seconds_from_message(message.header.stamp), state), time.monotonic()
-                self._news.notify_all()
+                if self._states.add(stamp, state):
+                    self._arrived = time.monotonic()
+                    self._news.notify_all()
 
     def _take_clouds(self, message: ObjectClouds) -> None:
+        frame("the message of the objects' clouds", message.header.frame_id, ("", WORLD_FRAME))
         with self._news:
-            self._cloud_messages = message
+            self._cloud_messages.add(seconds_from_message(message.header.stamp), message)
 
 
 def _at_rest(before: SceneState, after: SceneState) -> bool:

@@ -11,9 +11,11 @@ from hmap.world.loop import Motion, WorldLoop
 from hmap_core.exceptions import HmapError, InputError
 from hmap_core.simulation.controllers import Outcome, Tolerances
 from hmap_core.types import JointTrajectory, Robot
-from hmap_msgs_py.checks import ConversionError
+from hmap_msgs_py.checks import ConversionError, finite
+from hmap_msgs_py.measurements import ReceiverClock
 from hmap_msgs_py.times import joint_trajectory_from_message, seconds_from_message, time_to_message
 
+START_AHEAD = 60.0  # s; a trajectory that starts later than this was stamped by another clock
 POLL = 0.05  # s of real time between checks for a cancel request, and between feedback messages
 
 ERROR_CODES = {
@@ -62,6 +64,7 @@ class ControllerActions:
         try:
             trajectory, tolerances = self._command(handle.request)
             start = seconds_from_message(handle.request.trajectory.header.stamp) or None  # 0: now
+            ReceiverClock(lambda: self._loop.world.time, START_AHEAD).check("the trajectory", start or 0.0)
             motion = self._loop.follow(self._robot.name, trajectory, tolerances, start)
         except (HmapError, ConversionError) as error:
             result.error_code, result.error_string = FollowJointTrajectory.Result.INVALID_GOAL, str(error)
@@ -82,13 +85,20 @@ class ControllerActions:
         default = Tolerances()
         goal_time = seconds_from_message(goal.goal_time_tolerance)
         return Tolerances(
-            path=self._per_joint(goal.path_tolerance, default.path),
-            goal=self._per_joint(goal.goal_tolerance, default.goal),
+            path=self._per_joint("path_tolerance", goal.path_tolerance, default.path),
+            goal=self._per_joint("goal_tolerance", goal.goal_tolerance, default.goal),
             goal_time=goal_time or default.goal_time,
         )
 
-    def _per_joint(self, entries, default: float) -> np.ndarray:
-        given = {self._joints.get(entry.name, entry.name): entry.position for entry in entries}
+    def _per_joint(self, what: str, entries, default: float) -> np.ndarray:
+        given = {}
+        for entry in entries:
+            joint = self._joints.get(entry.name, entry.name)
+            if joint not in self._robot.model.joint_names:
+                raise InputError(f"{what} names the joint {entry.name!r}; the arm has {', '.join(self._joints)}")
+            if joint in given:
+                raise InputError(f"{what} names the joint {entry.name!r} twice")
+            given[joint] = float(finite(f"{what} of joint {entry.name!r}", entry.position, ()))
         values = [given.get(name, 0.0) or default for name in self._robot.model.joint_names]
         return np.array([value if value > 0.0 else np.inf for value in values])
 
