@@ -8,7 +8,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
-from typing import Any
+from typing import Any, Protocol
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -76,7 +76,7 @@ class HmapNode(Node):
         self.stopping = threading.Event()
         self.spinner: Spinner | None = None
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._status = (DiagnosticStatus.OK, STARTING, {})
+        self._status: tuple[bytes, str, dict[str, Any]] = (DiagnosticStatus.OK, STARTING, {})
         self._diagnostics = self.create_publisher(DiagnosticArray, "diagnostics", 10)
         self.every(DIAGNOSTICS_PERIOD, self._publish_diagnostics)
 
@@ -167,7 +167,7 @@ class HmapNode(Node):
             message_type, topic, self.guarded(callback, topic), qos, callback_group=self.group, **options
         )
 
-    def serve(self, service_type: type, name: str, handler: Callable[[Any, Any], None]):
+    def serve(self, service_type: Any, name: str, handler: Callable[[Any, Any], None]):
         """Offer a service.
 
         Args:
@@ -226,7 +226,15 @@ class HmapNode(Node):
         self._diagnostics.publish(message)
 
 
-def run(make_node: type[HmapNode], args: list[str] | None = None) -> int:
+class NodeClass(Protocol):
+    """What :func:`run` needs of a class of nodes."""
+
+    plans: bool
+
+    def __call__(self) -> HmapNode: ...
+
+
+def run(make_node: NodeClass, args: list[str] | None = None) -> int:
     """Run a node until SIGINT or SIGTERM.
 
     rclpy's own signal handlers would shut the context down while callbacks run. Here the order is: callbacks, executor,

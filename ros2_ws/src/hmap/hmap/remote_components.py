@@ -13,7 +13,7 @@ from hmap.phase_conversions import (
     motion_from_response,
     path_from_response,
 )
-from hmap.requests import Caller
+from hmap.requests import Caller, error_from_message
 from hmap_core.exceptions import WaypointError
 from hmap_core.planner import (
     ContactQuery,
@@ -30,6 +30,7 @@ from hmap_core.planner.contact_checker import LocalContactChecker
 from hmap_core.planner.komo_segments import KomoSegmentPlanner
 from hmap_core.types import ContactPoint, Scene, SceneState
 from hmap_core.waypoints import NoObjectPath, ObjectPath
+from hmap_msgs.msg import ErrorCode
 from hmap_msgs.srv import CheckContacts, PlanWaypoints, ProposeContacts, SolveSegment
 from hmap_msgs_py.contacts import contact_to_message as candidate_to_message
 from hmap_msgs_py.poses import pose_to_message, poses_to_messages
@@ -69,16 +70,15 @@ class RosObjectPathPlanner:
         request = PlanWaypoints.Request(object=query.goal.object, goal=pose_to_message(query.goal.pose, "goal"))
         request.checks = int(query.max_checks) if np.isfinite(query.max_checks) else 0
         _fill(request, query.scene, query.state, query.seed, query.time_limit)
-        try:
-            response = self._caller.call(PlanWaypoints, "plan_waypoints", request, request.time_limit)
-        except WaypointError as error:
-            response = getattr(error, "response", None)
-            if response is None:
-                raise
-            without = tuple(response.free_without) if response.removal_known else None
-            path = path_from_response(response) if response.path.poses else None
-            raise NoObjectPath(error.reason, tuple(response.blocking), without, path) from None
-        return path_from_response(response)
+        response = self._caller.ask(PlanWaypoints, "plan_waypoints", request, request.time_limit)
+        if response.error.code == ErrorCode.SUCCESS:
+            return path_from_response(response)
+        error = error_from_message(response.error)
+        if not isinstance(error, WaypointError):
+            raise error
+        without = tuple(response.free_without) if response.removal_known else None
+        path = path_from_response(response) if response.path.poses else None
+        raise NoObjectPath(error.reason, tuple(response.blocking), without, path)
 
 
 class RosContactFinder:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from rclpy.client import Client
+from rclpy.task import Future
 
 from hmap.conversions import scene_from_message, state_from_message
 from hmap.node import HmapNode
@@ -87,6 +88,18 @@ class Caller:
         return self._clients[name]
 
     def call(self, service_type: type, name: str, request: Any, limit: float) -> Any:
+        """Call a service, as :meth:`ask`; an error of the response is raised.
+
+        Raises:
+            PlannerError: SERVICE_UNAVAILABLE, TIME_LIMIT or CANCELED.
+            HmapError: the error of the response, with its stage and code.
+        """
+        response = self.ask(service_type, name, request, limit)
+        if response.error.code != ErrorCode.SUCCESS:
+            raise error_from_message(response.error)
+        return response
+
+    def ask(self, service_type: type, name: str, request: Any, limit: float) -> Any:
         """Call a service.
 
         A request is lost if its node dies, and DDS regards a dead process as alive for some seconds. A request without
@@ -99,27 +112,21 @@ class Caller:
             limit: s that the work of the service can take.
 
         Returns:
-            The response; its ``error`` is success.
+            The response, whatever its ``error`` is.
 
         Raises:
             PlannerError: SERVICE_UNAVAILABLE, TIME_LIMIT or CANCELED.
-            HmapError: the error of the response, with its stage and code.
         """
         client = self.client(service_type, name)
         self._wait_for(client, name)
         deadline = time.monotonic() + limit + ANSWER_MARGIN
         answers: queue.Queue = queue.Queue()
-        asked = []
+        asked: list[Future] = []
         try:
-            response = self._ask(client, name, request, deadline, answers, asked)
+            return self._ask(client, name, request, deadline, answers, asked)
         finally:
             for future in asked:
                 client.remove_pending_request(future)
-        if response.error.code != ErrorCode.SUCCESS:
-            error = error_from_message(response.error)
-            error.response = response
-            raise error
-        return response
 
     def _wait_for(self, client: Client, name: str) -> None:
         until = time.monotonic() + self._patience

@@ -57,7 +57,8 @@ class Spinner:
                 if not self._free.wait(self._limit):
                     self._free.set()
                 # as spin_until_future_complete, which however adds a callback to the future for each executed callback
-                self._executor._spin_once_impl(None, lambda: self._stopped or not self._free.is_set())
+                ended = lambda: self._stopped or not self._free.is_set()  # noqa: E731
+                self._executor._spin_once_impl(None, ended)  # type: ignore[attr-defined]
             except ExternalShutdownException:
                 return
             except Exception as error:

@@ -2,8 +2,8 @@
 
 import argparse
 import os
-from importlib.util import find_spec
-from pathlib import Path
+from importlib import import_module
+from pkgutil import iter_modules
 
 from hmap.environment import ros_environment
 from hmap.launcher.processes import node_command
@@ -32,5 +32,4 @@ def run(arguments: argparse.Namespace) -> int:
 
 def nodes() -> list[str]:
     """The names of the nodes."""
-    folder = Path(find_spec("hmap.nodes").origin).parent
-    return sorted(path.stem for path in folder.glob("*.py") if path.stem != "__init__")
+    return sorted(module.name for module in iter_modules(import_module("hmap.nodes").__path__))

@@ -153,27 +153,29 @@ class Graph:
 
     def _end(self, nodes: list[NodeProcess]) -> None:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
-            running = [node for node in nodes if node.process.poll() is None]
-            for node in running:
-                _send(node.process, number)
+            processes = [node.process for node in nodes if node.process is not None]
+            running = [process for process in processes if process.poll() is None]
+            for process in running:
+                _send(process, number)
             until = time.monotonic() + END_TIMEOUT
-            for node in running:
+            for process in running:
                 try:
-                    node.process.wait(max(0.0, until - time.monotonic()))
+                    process.wait(max(0.0, until - time.monotonic()))
                 except subprocess.TimeoutExpired:
                     continue
         for node in nodes:
-            node.code = node.process.poll()
+            node.code = None if node.process is None else node.process.poll()
 
     def _watch(self) -> None:
         while not self._ending.wait(WATCH_PERIOD):
             with self._lock:
                 for node in list(self.nodes.values()):
-                    if node.code is None and node.process.poll() is not None:
-                        self._died(node)
+                    if node.code is None and node.process is not None:
+                        node.code = node.process.poll()
+                        if node.code is not None:
+                            self._died(node)
 
     def _died(self, node: NodeProcess) -> None:
-        node.code = node.process.returncode
         if node.code == 2 or node.name not in RESPAWNABLE or node.starts >= MAX_STARTS:
             self._failure = f"the node {node.name} ended with exit code {node.code}; its log ends with:\n{node.tail()}"
         else:

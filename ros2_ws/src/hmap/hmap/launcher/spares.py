@@ -75,11 +75,11 @@ class Spare:
             subprocess.TimeoutExpired: it has not ended in that time.
         """
         until = time.monotonic() + timeout
-        while self.poll() is None:
+        while (code := self.poll()) is None:
             if time.monotonic() > until:
                 raise subprocess.TimeoutExpired(f"process {self.pid}", timeout)
             time.sleep(POLL)
-        return self.returncode
+        return code
 
 
 def fork_spares(count: int) -> list[Spare]:
@@ -120,8 +120,8 @@ def _wait_for_order(pipe: int) -> NoReturn:
         os.setpgid(0, 0)
         signal.signal(signal.SIGINT, signal.default_int_handler)
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        with os.fdopen(pipe) as stream:
-            text = stream.read()
+        with os.fdopen(pipe) as orders:
+            text = orders.read()
         code = _run_node(**json.loads(text)) if text else 0
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else FAILED

@@ -79,53 +79,54 @@ class DynamicObstacles(HmapNode):
 
     def _step(self) -> None:
         """Execute the next event, if it is due."""
-        if self._begun < self._after or self._plan is None or not self._step_lock.acquire(blocking=False):
+        plan = self._plan
+        if plan is None or self._begun < self._after or not self._step_lock.acquire(blocking=False):
             return
         try:
             if self._body is not None and self._moved < self._moves:
-                self._move()
+                self._move(plan, self._body)
             elif self._appeared < self._count:
-                self._appear()
+                self._appear(plan)
         except HmapError as error:
             self.set_status(str(error), DiagnosticStatus.WARN)
         finally:
             self._step_lock.release()
 
-    def _appear(self) -> None:
-        scene, state = self._world()
+    def _appear(self, plan: Plan) -> None:
+        scene, state = self._world(plan)
         number = self._appeared + 1
         while NAME.format(number=number) in scene.bodies:
             number += 1
-        body = self._obstacle_source(scene, state).appear(state, NAME.format(number=number), self._radii)
+        body = self._obstacle_source(plan, scene, state).appear(state, NAME.format(number=number), self._radii)
         if body is None:
             self.set_status("no free place near the path", DiagnosticStatus.WARN)
             return
         self._call(AddBody, "add_body", AddBody.Request(body=body_to_message(body)))
         self._appeared, self._moved, self._body = self._appeared + 1, 0, body
-        self._report("appears")
+        self._report(body, "appears")
 
-    def _move(self) -> None:
-        scene, state = self._world()
+    def _move(self, plan: Plan, moved: Body) -> None:
+        scene, state = self._world(plan)
         self._moved += 1
-        body = self._obstacle_source(scene, state).move(state, self._body) if self._body.name in scene.bodies else None
+        body = self._obstacle_source(plan, scene, state).move(state, moved) if moved.name in scene.bodies else None
         if body is not None:
             self._call(MoveBody, "move_body", MoveBody.Request(name=body.name, pose=pose_to_message(body.pose)))
             self._body = body
-            self._report("moves")
+            self._report(body, "moves")
 
-    def _report(self, what: str) -> None:
-        place = ", ".join(f"{value:.3f}" for value in self._body.pose[:3])
-        text = f"{self._body.name} {what} at ({place}), radius {self._body.shapes[0].size[0]:.3f} m"
+    def _report(self, body: Body, what: str) -> None:
+        place = ", ".join(f"{value:.3f}" for value in body.pose[:3])
+        text = f"{body.name} {what} at ({place}), radius {body.shapes[0].size[0]:.3f} m"
         self.get_logger().info(text)
         self.set_status(text)
 
-    def _world(self) -> tuple[Scene, SceneState]:
+    def _world(self, plan: Plan) -> tuple[Scene, SceneState]:
         response = self._call(GetScene, "get_scene", GetScene.Request())
-        scene = scene_from_message(response.scene).with_goal(self._plan.scene.goal)
+        scene = scene_from_message(response.scene).with_goal(plan.scene.goal)
         return scene, state_from_message(scene, response.world)
 
-    def _obstacle_source(self, scene: Scene, state: SceneState) -> ObstacleSource:
-        path = remaining_path(self._plan, state.poses[scene.goal.object])
+    def _obstacle_source(self, plan: Plan, scene: Scene, state: SceneState) -> ObstacleSource:
+        path = remaining_path(plan, state.poses[scene.goal.object])
         return ObstacleSource(scene, path, self._rng, lambda body: self._is_allowed(scene, state, path, body))
 
     def _is_allowed(self, scene: Scene, state: SceneState, path: np.ndarray, body: Body) -> bool:

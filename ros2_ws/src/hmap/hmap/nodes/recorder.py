@@ -5,6 +5,7 @@ import sys
 import threading
 from importlib import import_module
 from pathlib import Path
+from typing import Literal
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -14,7 +15,7 @@ from hmap.node import HmapNode, run
 from hmap_core.exceptions import InputError
 from hmap_msgs_py.definitions import typestore
 
-BAG_VERSION = 9  # version of the metadata, as in rosbag2 of Jazzy
+BAG_VERSION: Literal[9] = 9  # version of the metadata, as in rosbag2 of Jazzy
 DEPTH = 100  # messages in the queue of a subscription
 DISCOVERY_PERIOD = 0.5  # s between two searches for new topics
 TOPICS = [

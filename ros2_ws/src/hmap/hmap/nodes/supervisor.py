@@ -5,6 +5,7 @@ import sys
 import threading
 import time
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -144,7 +145,7 @@ class Supervisor(HmapNode):
         scene = self._goal_scene(job)
         state = self._scene_monitor.settled(self._state_patience)
         changed = self._scene_monitor.changed()
-        scene = replace(self._scene_monitor.scene(), goal=scene.goal)
+        scene = replace(self._scene_monitor.scene() or scene, goal=scene.goal)
         plan = self._plan(job, ReplanRequest(scene, state, 1, changed=changed), limit)
         if job.goal.plan_only:
             self._compare(job, plan.scene.goal, plan.trajectory.objects[plan.scene.goal.object][-1])
@@ -223,7 +224,7 @@ class Supervisor(HmapNode):
         job.plans += 1
         began, cpu = time.monotonic(), time.thread_time()
         seed = int(job.goal.seed) + job.plans - 1
-        limits = {
+        limits: dict[str, Any] = {
             "time_limit": limit,
             "progress": lambda p: self._show_planning(job, p),
             "cancel": lambda: self._canceled(job),
@@ -232,7 +233,7 @@ class Supervisor(HmapNode):
         try:
             if request.blocked is None:
                 method = self._method(job, clouds, next(iter(request.tools), None))
-                plan, kept = method.plan(scene, state, seed, **limits), {}
+                plan, kept = method.plan(scene, state, seed, **limits), dict[str, int]()
             else:  # in this process, as every moment counts
                 with self.undisturbed(UNDISTURBED):
                     plan, kept = plan_anew(*request.blocked, scene, state, seed, HmapPlanner(clouds=clouds), **limits)

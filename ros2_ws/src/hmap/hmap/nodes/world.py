@@ -6,6 +6,7 @@ import time
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
+from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
@@ -59,7 +60,7 @@ class WorldNode(HmapNode):
         self._last: dict[str, float] = {}
         self._pictured: np.ndarray | None = None
         self._actions: dict[str, ControllerActions] = {}
-        self._poses: dict[str, object] = {}
+        self._poses: dict[str, Publisher] = {}
         self._cameras: dict[str, CameraPublisher] = {}
         self._loop = WorldLoop(_checked(load_scene(task, seed)), speed, idle, self._publish)
         self._offer_scene()

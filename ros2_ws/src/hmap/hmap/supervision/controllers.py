@@ -3,10 +3,12 @@
 import threading
 import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from action_msgs.msg import GoalStatus
 from control_msgs.action import FollowJointTrajectory, GripperCommand
+from rclpy.action.client import ClientGoalHandle
 
 from hmap.action_client import ActionClient
 from hmap.naming import Naming
@@ -34,9 +36,10 @@ class Command:
         self.ended = threading.Event()
         self.feedback: tuple[Feedback, ...] = ()  # the first and the newest
         self.tracking_error = 0.0  # rad, the largest that was reported
-        self.status, self.result = GoalStatus.STATUS_UNKNOWN, None
+        self.status = GoalStatus.STATUS_UNKNOWN
+        self.result: Any = None  # of the action's type
         self.accepted = False
-        self._handle = None
+        self._handle: ClientGoalHandle | None = None
         self._cancel = False
         self._lock = threading.Lock()
         self._news, self._joints = news, list(joints)

@@ -37,9 +37,10 @@ def contact_poses(plan: Plan) -> list[np.ndarray]:
     """``T_world_manipulator`` (7,) of every contact, where it is made."""
     poses = []
     for segment in plan.segments:
-        if segment.kind is not SegmentKind.TRANSIT and segment.contact_pose is not None:
-            k = index_at(plan.trajectory.time, segment.start)
-            poses.append(transforms.multiply(plan.trajectory.objects[segment.object][k], segment.contact_pose))
+        if segment.kind is SegmentKind.TRANSIT or segment.object is None or segment.contact_pose is None:
+            continue
+        k = index_at(plan.trajectory.time, segment.start)
+        poses.append(transforms.multiply(plan.trajectory.objects[segment.object][k], segment.contact_pose))
     return poses
 
 
@@ -48,15 +49,19 @@ def _sphere(header: Header, namespace: str, number: int, pose: np.ndarray, diame
     return _marker(header, namespace, number, Marker.SPHERE, pose, scale, color)
 
 
+def _extents(shape: Shape) -> tuple[float, float, float]:
+    """Scale of the marker of a box, sphere or cylinder, m."""
+    if shape.kind is ShapeKind.BOX:
+        x, y, z = map(float, shape.size)
+        return x, y, z
+    diameter = 2.0 * float(shape.size[0])
+    return diameter, diameter, diameter if shape.kind is ShapeKind.SPHERE else float(shape.size[1])
+
+
 def _shape(header: Header, number: int, pose: np.ndarray, shape: Shape) -> Marker | None:
     if shape.kind not in MARKER_OF:
         return None
-    size = {
-        ShapeKind.BOX: lambda x, y, z: (x, y, z),
-        ShapeKind.SPHERE: lambda r: (2 * r, 2 * r, 2 * r),
-        ShapeKind.CYLINDER: lambda r, h: (2 * r, 2 * r, h),
-    }[shape.kind](*shape.size)
-    x, y, z = map(float, size)
+    x, y, z = _extents(shape)
     return _marker(header, "ghosts", number, MARKER_OF[shape.kind], pose, Vector3(x=x, y=y, z=z), GHOST)
 
 

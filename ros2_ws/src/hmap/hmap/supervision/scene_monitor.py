@@ -155,14 +155,16 @@ class SceneMonitor:
             InputError: STALE_STATE; it did not come.
         """
 
-        def there() -> bool:
-            return self._scene is not None and (self._scene.task, self._scene.seed) == (task, seed)
+        def wanted() -> Scene | None:
+            scene = self._scene
+            return scene if scene is not None and (scene.task, scene.seed) == (task, seed) else None
 
         with self._news:
-            self._wait(there, time.monotonic() + patience)
-            if not there():
+            self._wait(lambda: wanted() is not None, time.monotonic() + patience)
+            scene = wanted()
+            if scene is None:
                 raise InputError(f"the scene of task {task!r}, seed {seed} was not published", Code.STALE_STATE)
-            return self._scene
+            return scene
 
     def _wait(self, predicate: Callable[[], bool], until: float) -> None:
         while not predicate() and (left := until - time.monotonic()) > 0.0:
@@ -182,27 +184,27 @@ class SceneMonitor:
             # the same scene again: it was reset to its start, so earlier states are invalid
             changed = same and message.text != self._text
             self._base, self._text = base, message.text
-            self._merge(keep_state=changed)
+            self._merge(base, keep_state=changed)
 
     def _take_new(self, message: BodyArray) -> list[str]:
         bodies, problems = bodies_from_message(message)
         with self._news:
             self._seen = bodies
             if self._base is not None:
-                self._merge(keep_state=True)
+                self._merge(self._base, keep_state=True)
         return problems
 
-    def _merge(self, keep_state: bool) -> None:
+    def _merge(self, base: Scene, keep_state: bool) -> None:
         """The scene with all that was seen in it; a state of before counts where it lacks no measured body."""
-        seen = {name: body for name, body in self._seen.items() if name not in self._base.bodies}
-        self._scene = replace(self._base, bodies=self._base.bodies | seen)
+        seen = {name: body for name, body in self._seen.items() if name not in base.bodies}
+        self._scene = scene = replace(base, bodies=base.bodies | seen)
         newest = self._states.newest() if keep_state else None
         self._states.clear()
         if newest is not None:
             stamp, state = newest
-            fixed = {n: body.pose for n, body in self._scene.bodies.items() if body.kind is BodyKind.FIXED}
-            poses = {n: T for n, T in (state.poses | fixed).items() if n in self._scene.bodies}
-            if poses.keys() == self._scene.bodies.keys():
+            fixed = {n: body.pose for n, body in scene.bodies.items() if body.kind is BodyKind.FIXED}
+            poses = {n: T for n, T in (state.poses | fixed).items() if n in scene.bodies}
+            if poses.keys() == scene.bodies.keys():
                 self._states.add_checked(stamp, replace(state, poses=poses))
         self._changed = time.monotonic()
         self._news.notify_all()
@@ -216,7 +218,7 @@ class SceneMonitor:
             return
         stamp, state = seconds_from_message(message.header.stamp), state_from_message(base, message)
         with self._news:
-            if base is self._base:
+            if base is self._base and self._scene is not None:
                 state.poses |= {n: body.pose for n, body in self._scene.bodies.items() if n not in base.bodies}
                 if self._states.add(stamp, state):
                     self._arrived = time.monotonic()

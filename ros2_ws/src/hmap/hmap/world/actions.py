@@ -90,8 +90,8 @@ class ControllerActions:
             goal_time=goal_time or default.goal_time,
         )
 
-    def _per_joint(self, what: str, entries, default: float) -> np.ndarray:
-        given = {}
+    def _per_joint(self, what: str, entries, default: float | np.ndarray) -> np.ndarray:
+        given: dict[str, float] = {}
         for entry in entries:
             joint = self._joints.get(entry.name, entry.name)
             if joint not in self._robot.model.joint_names:
@@ -99,7 +99,9 @@ class ControllerActions:
             if joint in given:
                 raise InputError(f"{what} names the joint {entry.name!r} twice")
             given[joint] = float(finite(f"{what} of joint {entry.name!r}", entry.position, ()))
-        values = [given.get(name, 0.0) or default for name in self._robot.model.joint_names]
+        names = self._robot.model.joint_names
+        defaults = np.broadcast_to(default, len(names))
+        values = [given.get(name, 0.0) or default for name, default in zip(names, defaults, strict=True)]
         return np.array([value if value > 0.0 else np.inf for value in values])
 
     def _grip(self, handle: ServerGoalHandle) -> GripperCommand.Result:

@@ -5,7 +5,7 @@ The simulation implements these protocols in ``hmap_core.simulation.ports``, the
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -76,7 +76,7 @@ class ControllerPort(Protocol):
 
     def wait(
         self,
-        commands: Sequence[Command],
+        commands: Sequence[Any],
         limit: float,
         canceled: Canceled,
         look: Callable[[], None] | None = None,
@@ -84,7 +84,7 @@ class ControllerPort(Protocol):
         """Wait until all commands have ended.
 
         Args:
-            commands: what is waited for.
+            commands: what is waited for, as :meth:`move` and :meth:`grip` of this port returned them.
             limit: s of the executor's clock after which a controller is taken to hang.
             canceled: true stops all commands.
             look: called now and then, and whenever the scene has changed. What it raises ends the waiting, not the
