@@ -40,6 +40,12 @@ class Serving:
         self.sampled = 0
 
     def call(self, service, name, request, limit):
+        response = self.ask(service, name, request, limit)
+        if response.error.code != ErrorCode.SUCCESS:
+            raise error_from_message(response.error)
+        return response
+
+    def ask(self, service, name, request, limit):
         response = service.Response()
         self.called.append(name)
         try:
@@ -48,8 +54,4 @@ class Serving:
             response = service.Response(error=error_to_message(error))
         if name == "propose_contacts":
             self.sampled += response.sampled
-        if response.error.code != ErrorCode.SUCCESS:
-            error = error_from_message(response.error)
-            error.response = response
-            raise error
         return response

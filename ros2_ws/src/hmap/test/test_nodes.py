@@ -12,7 +12,7 @@ from rclpy.node import Node
 import hmap
 from hmap.commands.run import nodes
 from hmap.naming import Naming
-from hmap.node import BAD_INPUT, run
+from hmap.node import BAD_INPUT, HmapNode, run
 from hmap_core.exceptions import InputError
 
 FOLDER = Path(hmap.__file__).parent
@@ -82,7 +82,7 @@ def test_arguments_that_ros_does_not_take_are_bad_input(capfd, monkeypatch):
     monkeypatch.setattr(signal, "signal", lambda *_: None)  # the handlers stay those of pytest
     monkeypatch.setattr("hmap.node.ros_environment", dict)
     arguments = ["--ros-args", "--params-file", "/nowhere/parameters.yaml"]
-    assert run(lambda: None, arguments) == BAD_INPUT
+    assert run(HmapNode, arguments) == BAD_INPUT
     assert "parameters.yaml" in capfd.readouterr().err
 
 

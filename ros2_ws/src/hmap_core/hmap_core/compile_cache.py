@@ -80,13 +80,13 @@ def mark_compiled() -> None:
 
 
 def _mark_name() -> str:
-    """Differs by what Numba's own cache differs by: its version, Python's, and the processor."""
+    """Differs by what Numba's own cache differs by: where the sources are, versions, and the processor."""
     import llvmlite
     import numba
     from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
 
     processor = get_host_cpu_name() + get_host_cpu_features().flatten()
-    text = " ".join((sys.version, numba.__version__, llvmlite.__version__, processor))
+    text = " ".join((__file__, sys.version, numba.__version__, llvmlite.__version__, processor))
     return f"compiled-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 
