@@ -29,6 +29,7 @@ ROS_PREFIXES = ("rclpy", "rcl_", "ament_", "rosidl_", "launch", "tf2_", "rosbag2
 LAYERS = (
     {"array_cache", "compile_cache", "deferred", "exceptions", "garbage", "lazy", "transforms"},
     {"types"},
+    {"mesh_files"},
     {"robot_description"},
     {"scenes"},
     {"kinematics", "collision", "plan_file", "trajectory"},

@@ -3,6 +3,7 @@
 import math
 import os
 
+import mesh_fixtures as meshes
 import numpy as np
 import pytest
 from robot_fixtures import COLLISION, LIMIT, joint, link, robot, write, write_robot
@@ -153,7 +154,7 @@ def test_packages_are_found_in_any_folder_above(tmp_path, depth, inside):
     folder = mesh.parent.parent.joinpath(*"abcde"[:depth])
     folder.mkdir(parents=True)
     mesh.parent.mkdir()
-    mesh.touch()
+    meshes.save(meshes.box(), mesh)
     text = shaped(f'<mesh filename="package://arm_package/{inside}"/>')
     (shape,) = load_robot_description(write(folder, text)).links["extra"].shapes
     assert shape.mesh == mesh
@@ -164,7 +165,7 @@ def test_packages_are_found_in_the_index_of_ros_or_where_it_is_said(tmp_path, mo
     share = tmp_path / "install" / "share"
     mesh = share / "arm_package" / "meshes" / "a ball.stl"
     mesh.parent.mkdir(parents=True)
-    mesh.touch()
+    meshes.save(meshes.box(), mesh)
     if variable:
         root = share.parent if variable == "AMENT_PREFIX_PATH" else share
         monkeypatch.setenv(variable, os.pathsep.join(["/nowhere", str(root)]))
@@ -178,10 +179,24 @@ def test_packages_are_found_in_the_index_of_ros_or_where_it_is_said(tmp_path, mo
 
 def test_paths_may_be_relative_absolute_or_urls(tmp_path):
     mesh = tmp_path / "ball.stl"
-    mesh.touch()
+    meshes.save(meshes.box(), mesh)
     for name in ("ball.stl", str(mesh), f"file://{mesh}", "./ball.stl"):
         (shape,) = load_robot_description(write(tmp_path, shaped(f'<mesh filename="{name}"/>'))).links["extra"].shapes
         assert shape.mesh is not None and shape.mesh.samefile(mesh)
+
+
+def test_what_is_wrong_with_a_mesh_is_said_with_its_link(tmp_path):
+    file = write(tmp_path, shaped('<mesh filename="box.stl"/>'))
+    (tmp_path / "box.stl").write_text("solid box")
+    (finding,) = load_robot_description(file).findings
+    assert finding.severity is Severity.ERROR and "link 'extra', <collision>, <geometry>, <mesh>: " in str(finding)
+    assert f"mesh '{tmp_path / 'box.stl'}' is not a mesh" in finding.text
+    inside_out = meshes.box()
+    inside_out.invert()
+    meshes.save(inside_out, tmp_path / "box.stl")
+    os.utime(file, ns=(1, 1))
+    (finding,) = load_robot_description(file).findings
+    assert finding.severity is Severity.WARNING and finding.text.endswith("is inside out: its faces are turned")
 
 
 def test_a_name_in_the_wrong_case_is_suggested(tmp_path):

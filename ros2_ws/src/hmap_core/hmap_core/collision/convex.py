@@ -2,22 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from pathlib import Path
-from typing import Any
 
 import numba as nb
 import numpy as np
-import trimesh
-from scipy.spatial import ConvexHull
 
-from hmap_core.array_cache import kept_arrays
 from hmap_core.collision.compile_options import OPTIONS
 from hmap_core.collision.edges import hull_edges
 from hmap_core.collision.epa import FAR
 from hmap_core.collision.gjk import distance_within, signed_distance
 from hmap_core.collision.simplex import WORK
 from hmap_core.exceptions import Code, InputError
+from hmap_core.mesh_files import read_hull
 from hmap_core.transforms import apply
 from hmap_core.types import Shape, ShapeKind
 
@@ -53,20 +48,6 @@ class ConvexSet:
         return self.vertices[self.start[s] : self.start[s + 1]]
 
 
-@lru_cache(maxsize=256)
-def _mesh_vertices(path: Path) -> np.ndarray:
-    def compute() -> tuple[np.ndarray]:
-        mesh: Any = trimesh.load(path, force="mesh")  # declared without the attributes of a mesh
-        points = np.asarray(mesh.vertices, float)
-        return (points[ConvexHull(points).vertices],)
-
-    try:
-        inputs = path.suffix.lower().encode(), path.read_bytes()
-        return kept_arrays(__file__, inputs, ("numpy", "scipy", "trimesh"), compute)[0]
-    except Exception as error:
-        raise InputError(f"mesh '{path}' cannot be read as a solid: {error}", Code.INVALID_SCENE) from error
-
-
 def hull_vertices(shape: Shape) -> tuple[np.ndarray, float]:
     """Converts a shape to a swept hull.
 
@@ -92,8 +73,10 @@ def hull_vertices(shape: Shape) -> tuple[np.ndarray, float]:
         points, radius = np.zeros((1, 3)), float(size[0])
     elif shape.kind == ShapeKind.CAPSULE:
         points, radius = np.array([[0, 0, -size[1] / 2], [0, 0, size[1] / 2]]), float(size[0])
+    elif shape.mesh is None:
+        raise InputError("a mesh shape has no file", Code.INVALID_SCENE)
     else:
-        points = _mesh_vertices(shape.mesh) * size
+        points = read_hull(shape.mesh).vertices * size
     return apply(shape.pose, points), radius
 
 

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from hmap_core.exceptions import InputError
+from hmap_core.mesh_files import read_hull
 from hmap_core.robot_description.joints import read_origin
 from hmap_core.robot_description.node import Node
 from hmap_core.types import Shape, ShapeKind
@@ -55,8 +57,7 @@ def read_shape(node: Node, find: FindFile) -> Shape | None:
             kind.error(f'{key}="{kind.element.get(key)}" must be above 0')
             return None
         size += numbers.tolist()
-    if max(size) > MILLIMETRES:
-        kind.warn(f"is {max(size):g} m large", "lengths are in metres")
+    _check_large(kind, max(size))
     return Shape(ShapeKind(kind.tag), tuple(size), pose)
 
 
@@ -75,4 +76,17 @@ def _mesh(node: Node, pose: np.ndarray, find: FindFile) -> Shape | None:
     if path is None:
         node.error(f"mesh '{name.partition('://')[2] or name}' named in {node.file.name} does not exist", remedy)
         return None
+    try:
+        hull = read_hull(path)
+    except InputError as error:
+        node.error(error.reason)
+        return None
+    for note in hull.notes:
+        node.warn(f"mesh '{path}' {note}")
+    _check_large(node, float((np.ptp(hull.vertices, axis=0) * np.abs(scale)).max()))
     return Shape(ShapeKind.MESH, tuple(scale.tolist()), pose, path)
+
+
+def _check_large(node: Node, extent: float) -> None:
+    if extent > MILLIMETRES:
+        node.warn(f"is {extent:g} m large", "lengths are in metres")

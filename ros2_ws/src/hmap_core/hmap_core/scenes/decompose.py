@@ -14,7 +14,7 @@ import numpy as np
 import trimesh
 
 from hmap_core.exceptions import HmapError
-from hmap_core.scenes import meshes
+from hmap_core.mesh_files import read_mesh
 
 CONCAVITY = 0.05  # largest deviation of a part from its hull, relative to the size of the mesh
 MIN_CONCAVITY = 0.01
@@ -34,7 +34,7 @@ def decompose(path: Path, concavity: float = CONCAVITY) -> list[Path]:
     Raises:
         InputError: INVALID_SCENE; the mesh cannot be read.
     """
-    mesh = meshes.read_mesh(path)
+    mesh = read_mesh(path)
     coacd.set_log_level("error")
     source = coacd.Mesh(np.asarray(mesh.vertices, float), np.asarray(mesh.faces))
     hulls = coacd.run_coacd(source, threshold=concavity, seed=SEED)

@@ -1,20 +1,18 @@
 """Mesh files as convex shapes."""
 
 import hashlib
+import logging
 import os
-from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import trimesh
 
 from hmap_core.exceptions import Code, InputError
+from hmap_core.mesh_files import read_hull
 from hmap_core.scenes import resources
 
-if TYPE_CHECKING:
-    import trimesh
-
-MIN_FACES = 4  # faces of a surface that encloses a volume
+LOGGER = logging.getLogger(__name__)
 MIN_HULL_FILL = 0.95  # volume of a mesh relative to its convex hull below which it counts as concave
 HULL_TOLERANCE = 1e-6  # in units of the file; hulls whose vertices differ by less are equal
 
@@ -29,13 +27,14 @@ def check_convex(path: Path, accept_hull: bool) -> None:
     Raises:
         InputError: INVALID_SCENE; the mesh cannot be read, or is concave or open and ``accept_hull`` is not set.
     """
-    _, fill = _read_hull(path)
-    if fill < MIN_HULL_FILL and not accept_hull:
+    hull = read_hull(path)
+    if hull.fill < MIN_HULL_FILL and not accept_hull:
         raise InputError(
-            f"the mesh is concave or open (it fills {100 * fill:.0f} % of its convex hull); list convex parts, as "
+            f"the mesh is concave or open (it fills {100 * hull.fill:.0f} % of its convex hull); list convex parts, as "
             f"'python -m hmap_core.scenes.decompose {path.name}' writes them, or set convex_hull: true",
             Code.INVALID_SCENE,
         )
+    _note(path, hull.notes)
 
 
 def hull_vertices(path: Path) -> np.ndarray:
@@ -44,7 +43,7 @@ def hull_vertices(path: Path) -> np.ndarray:
     Raises:
         InputError: INVALID_SCENE; the mesh cannot be read or spans no volume.
     """
-    return _read_hull(path)[0].copy()
+    return read_hull(path).vertices.copy()
 
 
 def local_file(uri: str, vertices: np.ndarray | None) -> Path:
@@ -81,9 +80,10 @@ def _cached(vertices: np.ndarray) -> Path:
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hmap" / "meshes"
     path = cache / f"{hashlib.sha256(np.round(vertices, 9).tobytes()).hexdigest()[:16]}.obj"
     if not path.is_file():
-        import trimesh  # slow to import, as in read_mesh
-
-        hull = _convex_hull(trimesh.PointCloud(vertices), "the vertices of a mesh")
+        try:
+            hull = trimesh.PointCloud(vertices).convex_hull
+        except Exception as error:  # raised by the hull library if the points are coplanar or too few
+            raise InputError(f"the vertices of a mesh span no volume: {error}", Code.INVALID_SCENE) from error
         try:
             cache.mkdir(parents=True, exist_ok=True)
             temporary = path.with_suffix(f".{os.getpid()}.obj")
@@ -94,47 +94,12 @@ def _cached(vertices: np.ndarray) -> Path:
     return path
 
 
-def read_mesh(path: Path) -> "trimesh.Trimesh":
-    """Reads a mesh file as one surface.
-
-    Args:
-        path: the file, of any format that trimesh reads.
-
-    Returns:
-        The surface.
-
-    Raises:
-        InputError: INVALID_SCENE; the file is no mesh, or has too few faces.
-    """
-    import trimesh  # takes a second to import, and few scenes have meshes
-
-    try:
-        mesh = trimesh.load_mesh(path)
-        faces, finite = len(mesh.faces), bool(np.isfinite(mesh.vertices).all())
-    except Exception as error:  # the readers of the various formats raise exceptions of any type
-        raise InputError(f"{path}: not a mesh: {error}", Code.INVALID_SCENE) from error
-    if faces < MIN_FACES or not finite:
-        problem = f"{path}: not a mesh: it has {faces} triangles, at least {MIN_FACES} with finite vertices are needed"
-        raise InputError(problem, Code.INVALID_SCENE)
-    return mesh
+def _note(path: Path, notes: tuple[str, ...]) -> None:
+    """Logs what was assumed in reading a mesh, once for each file."""
+    if path not in _NOTED:
+        _NOTED.add(path)
+        for note in notes:
+            LOGGER.warning("mesh '%s' %s", path, note)
 
 
-def _read_hull(path: Path) -> tuple[np.ndarray, float]:
-    """Vertices (V, 3) of the hull of a mesh, and the volume of the mesh relative to its hull."""
-    return _hull(path, path.stat().st_mtime_ns)
-
-
-@lru_cache(maxsize=64)
-def _hull(path: Path, _changed: int) -> tuple[np.ndarray, float]:
-    mesh = read_mesh(path)
-    hull = _convex_hull(mesh, str(path))
-    # the volume of an open surface is undefined; it counts as concave
-    fill = float(mesh.volume / hull.volume) if mesh.is_watertight else 0.0
-    return np.asarray(hull.vertices, float), fill
-
-
-def _convex_hull(points: "trimesh.Trimesh | trimesh.PointCloud", name: str) -> "trimesh.Trimesh":
-    try:
-        return points.convex_hull
-    except Exception as error:  # raised by the hull library if the points are coplanar or too few
-        raise InputError(f"{name}: its points span no volume: {error}", Code.INVALID_SCENE) from error
+_NOTED: set[Path] = set()

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pybullet
@@ -12,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from hmap_core import transforms
 from hmap_core.exceptions import InputError
+from hmap_core.mesh_files import read_hull
 from hmap_core.simulation.client import BulletClient
 from hmap_core.types import Body, BodyKind, Shape, ShapeKind
 
@@ -158,14 +158,11 @@ def convex_hull(shape: Shape) -> trimesh.Trimesh:
     """The convex hull of a mesh shape, scaled, in the shape's frame.
 
     Raises:
-        InputError: the file is missing or is no mesh.
+        InputError: the file is missing, is no mesh, or spans no volume.
     """
-    try:
-        mesh: Any = trimesh.load(shape.mesh, force="mesh")  # declared without the attributes of a mesh
-        mesh.apply_scale(shape.size)
-        return mesh.convex_hull
-    except Exception as error:  # trimesh raises whatever its many readers raise
-        raise InputError(f"mesh {shape.mesh}: cannot be read as a closed shape: {error}") from error
+    if shape.mesh is None:
+        raise InputError("a mesh shape has no file")
+    return trimesh.PointCloud(read_hull(shape.mesh).vertices * np.array(shape.size)).convex_hull
 
 
 def _shape_arrays(client: BulletClient, body: Body, mesh_directory: Path) -> tuple[int, int]:

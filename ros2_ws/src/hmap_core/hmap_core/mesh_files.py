@@ -1,0 +1,208 @@
+"""Mesh files: the one reader for robots, scenes and simulation. See ``docs/robots.md``.
+
+The judge has a reader of its own (:mod:`hmap_core.validation.files`).
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from xml.parsers import expat
+
+import numpy as np
+import trimesh
+from scipy.spatial import ConvexHull, QhullError
+
+from hmap_core.array_cache import kept_arrays
+from hmap_core.exceptions import Code, InputError
+
+FORMATS = (".stl", ".obj", ".dae", ".glb", ".gltf", ".ply", ".off")
+MIN_FACES = 4  # faces of a surface that encloses a volume
+LARGEST = 1e6  # m, of a coordinate
+FLAT = 1e-6  # thickness relative to the largest extent below which a mesh counts as flat
+MAX_HULL_VERTICES = (
+    8192  # of a hull; larger ones are simplified. Indices of vertices have 16 bits in the collision checks
+)
+CHUNK = 256  # directions at once in the computation of support points
+
+# What was assumed in reading a mesh: bits of a number, so that they can be kept with the hull.
+INSIDE_OUT, TURNED, SIMPLIFIED = 1, 2, 4
+NOTES = {
+    INSIDE_OUT: "is inside out: its faces are turned",
+    TURNED: "has another <up_axis> than Z_UP, which is ignored, as in RViz and MoveIt",
+    SIMPLIFIED: f"has a convex hull of more than {MAX_HULL_VERTICES} vertices, which is simplified from outside",
+}
+
+
+@dataclass(frozen=True)
+class MeshHull:
+    """The convex hull of a mesh file.
+
+    Attributes:
+        vertices: (V, 3), m for formats with a unit, else in units of the file. Must not be modified.
+        fill: volume of the mesh relative to its hull; 0 if the surface is open or its faces are not oriented alike.
+        notes: what was assumed, one text each that continues the file's name.
+    """
+
+    vertices: np.ndarray
+    fill: float
+    notes: tuple[str, ...]
+
+
+def read_mesh(path: Path) -> "trimesh.Trimesh":
+    """Reads a mesh file as one surface.
+
+    Parts of a scene are placed by the transforms of their nodes. A COLLADA file is scaled by its ``<unit>``. Vertices
+    that no face uses are dropped. The faces of a closed surface that is inside out are turned.
+
+    Args:
+        path: a file of one of :data:`FORMATS`.
+
+    Returns:
+        The surface.
+
+    Raises:
+        InputError: INVALID_SCENE; the file is no mesh, or has no volume.
+    """
+    return _read(path)[0]
+
+
+def read_hull(path: Path) -> MeshHull:
+    """Reads the convex hull of a mesh file.
+
+    Args:
+        path: a file of one of :data:`FORMATS`.
+
+    Returns:
+        The hull, from a cache.
+
+    Raises:
+        InputError: INVALID_SCENE; the file is no mesh, or has no volume.
+    """
+    try:
+        state = path.stat()
+    except (OSError, ValueError) as error:
+        raise _unusable(path, f"cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    return _hull(path, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=256)
+def _hull(path: Path, _changed: int, _size: int) -> MeshHull:
+    def compute() -> tuple[np.ndarray, np.ndarray]:
+        mesh, notes = _read(path)
+        points = np.asarray(mesh.vertices, float)
+        hull = _convex_hull(path, points)
+        vertices = points[hull.vertices]
+        if len(vertices) > MAX_HULL_VERTICES:
+            vertices, notes = _simplified(vertices), notes | SIMPLIFIED
+        fill = float(mesh.volume) / hull.volume if mesh.is_watertight and mesh.is_winding_consistent else 0.0
+        return vertices, np.array([fill, notes])
+
+    if path.suffix.lower() == ".gltf":  # its vertices may be in other files
+        vertices, (fill, notes) = compute()
+    else:
+        try:
+            inputs = path.suffix.lower().encode(), path.read_bytes()
+        except OSError as error:
+            raise _unusable(path, f"cannot be read: {error.strerror}") from error
+        vertices, (fill, notes) = kept_arrays(__file__, inputs, ("numpy", "scipy", "trimesh"), compute)
+    vertices.setflags(write=False)
+    return MeshHull(vertices, float(fill), tuple(text for bit, text in NOTES.items() if int(notes) & bit))
+
+
+def _unusable(path: Path, problem: str) -> InputError:
+    return InputError(f"mesh '{path}' {problem}", Code.INVALID_SCENE)
+
+
+def _read(path: Path) -> tuple["trimesh.Trimesh", int]:
+    """A surface, and what was assumed: bits of :data:`NOTES`."""
+    if path.suffix.lower() not in FORMATS:
+        raise _unusable(path, f"is of an unknown format; allowed: {', '.join(FORMATS)}")
+    unit, notes = _collada_asset(path) if path.suffix.lower() == ".dae" else (1.0, 0)
+    try:
+        mesh = trimesh.load_mesh(path)
+        mesh.remove_unreferenced_vertices()
+        finite = bool(np.isfinite(mesh.vertices).all())
+    except ModuleNotFoundError as error:
+        raise _unusable(path, f"needs the Python package {error.name}: pip install {error.name}") from error
+    except Exception as error:  # the readers of the various formats raise exceptions of any type
+        raise _unusable(path, f"is not a mesh: {' '.join(f'{type(error).__name__}: {error}'.split())}") from error
+    if len(mesh.faces) < MIN_FACES:
+        raise _unusable(path, f"is not a mesh: it has {len(mesh.faces)} triangles; at least {MIN_FACES} are needed")
+    if not finite or np.abs(mesh.vertices).max() * unit > LARGEST:
+        raise _unusable(path, f"is not a mesh: a coordinate is not finite, or larger than {LARGEST:g}")
+    if unit != 1.0:
+        mesh.apply_scale(unit)
+    if mesh.is_watertight and mesh.is_winding_consistent and mesh.volume < 0.0:
+        mesh.invert()
+        notes |= INSIDE_OUT
+    return mesh, notes
+
+
+def _collada_asset(path: Path) -> tuple[float, int]:
+    """The unit of a COLLADA file in metres, and the bits of :data:`NOTES`."""
+    unit, up, texts = ["1"], [""], []
+    parser = expat.ParserCreate()
+
+    def begin(tag: str, attributes: dict[str, str]) -> None:
+        texts.append("")
+        if tag.endswith("unit") and "meter" in attributes:
+            unit[0] = attributes["meter"]
+
+    def add(text: str) -> None:
+        if texts:
+            texts[-1] += text
+
+    def end(tag: str) -> None:
+        text = texts.pop()
+        if tag.endswith("up_axis"):
+            up[0] = text.strip()
+        if tag.endswith("asset"):
+            raise StopIteration  # only the first one counts, and the geometry after it is long
+
+    parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = begin, end, add
+    try:
+        parser.Parse(path.read_bytes(), True)
+    except StopIteration:
+        pass
+    except (OSError, expat.ExpatError, ValueError, LookupError) as error:
+        raise _unusable(path, f"is not a mesh: {error}") from error
+    try:
+        factor = float(unit[0])
+    except ValueError:
+        factor = 0.0
+    if not 0.0 < factor < LARGEST:
+        raise _unusable(path, f'has <unit meter="{unit[0]}">; a number above 0 is needed')
+    return factor, TURNED if up[0] not in ("", "Z_UP") else 0
+
+
+def _convex_hull(path: Path, points: np.ndarray) -> ConvexHull:
+    extent = np.ptp(points, axis=0).max()
+    thickness = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1] / np.sqrt(len(points))
+    try:
+        if thickness <= FLAT * extent:
+            raise QhullError("flat")
+        return ConvexHull(points)
+    except QhullError as error:
+        raise _unusable(path, "is flat: its points span no volume") from error
+
+
+def _simplified(points: np.ndarray) -> np.ndarray:
+    """A hull of fewer vertices that contains a convex hull with the vertices ``points`` (V, 3).
+
+    It is the hull of the support points in directions that cover the sphere evenly (a Fibonacci lattice), enlarged from
+    its centre until it contains all points.
+    """
+    n = MAX_HULL_VERTICES
+    z = 1.0 - (2.0 * np.arange(n) + 1.0) / n
+    angle = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(n)
+    around = np.sqrt(1.0 - z * z)
+    directions = np.column_stack([around * np.cos(angle), around * np.sin(angle), z])
+    size = np.ptp(points, axis=0)
+    chosen = [(d @ (points / size).T).argmax(axis=1) for d in np.array_split(directions, n // CHUNK)]
+    inner = points[np.unique(np.concatenate(chosen))]
+    center = inner.mean(axis=0)
+    hull = ConvexHull(inner)
+    normals, offsets = hull.equations[:, :3], hull.equations[:, 3] + hull.equations[:, :3] @ center
+    chunks = np.array_split(np.arange(len(normals)), len(normals) // CHUNK + 1)
+    reach = np.concatenate([(normals[i] @ (points - center).T).max(axis=1) for i in chunks])
+    return center + (inner[hull.vertices] - center) * float((reach / -offsets).max())

@@ -1,0 +1,138 @@
+"""Meshes of all formats mean the same, and what has no volume is refused."""
+
+import json
+import shutil
+import subprocess
+import sys
+
+import mesh_fixtures as meshes
+import numpy as np
+import pytest
+import trimesh
+
+from hmap_core.collision.convex import hull_vertices
+from hmap_core.exceptions import Code, InputError
+from hmap_core.mesh_files import MAX_HULL_VERTICES, read_hull, read_mesh
+from hmap_core.scenes.meshes import check_convex
+from hmap_core.types import Shape, ShapeKind
+
+CORNERS = sorted([x, y, z] for x in (0.0, 0.1) for y in (0.0, 0.2) for z in (0.0, 0.3))
+
+
+def corners(path) -> list[list[float]]:
+    return sorted(np.round(read_hull(path).vertices, 6).tolist())
+
+
+@pytest.mark.parametrize("kind", meshes.FORMATS)
+def test_all_formats_are_read(tmp_path, kind):
+    path = meshes.save(meshes.box(), tmp_path / f"box.{kind.partition('_')[0].upper()}", kind)
+    hull = read_hull(path)
+    assert corners(path) == CORNERS and hull.notes == () and hull.fill == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply"])
+def test_vertices_that_no_face_uses_do_not_count(tmp_path, suffix):
+    path = meshes.with_unused_vertex(tmp_path / f"box.{suffix}")
+    assert corners(path) == CORNERS and len(read_mesh(path).vertices) == 8
+
+
+def test_collada_has_a_unit(tmp_path):
+    path = meshes.in_millimetres(tmp_path / "box.dae")
+    assert corners(path) == CORNERS and read_hull(path).notes == ()
+    path.write_text(path.read_text().replace("Z_UP", "Y_UP"))
+    assert corners(path) == CORNERS and "<up_axis>" in read_hull(path).notes[0]
+    path.write_text(path.read_text().replace('meter="0.001"', 'meter="0"'))
+    with pytest.raises(InputError, match='box.dae\' has <unit meter="0">; a number above 0 is needed'):
+        read_hull(path)
+
+
+def test_nodes_of_a_scene_are_placed(tmp_path):
+    vertices = read_hull(meshes.scene_of_boxes(tmp_path / "boxes.glb")).vertices
+    np.testing.assert_allclose([vertices.min(0), vertices.max(0)], [[0, 0, 0], [1.1, 0.2, 0.3]], atol=1e-6)
+
+
+def test_a_mesh_that_is_inside_out_is_turned_with_a_note(tmp_path, caplog):
+    mesh = meshes.box()
+    mesh.invert()
+    path = meshes.save(mesh, tmp_path / "box.stl")
+    hull = read_hull(path)
+    assert hull.fill == pytest.approx(1.0) and hull.notes == ("is inside out: its faces are turned",)
+    assert read_mesh(path).volume > 0.0
+    check_convex(path, accept_hull=False)
+    check_convex(path, accept_hull=False)
+    assert caplog.messages == [f"mesh '{path}' is inside out: its faces are turned"]
+
+
+def test_faces_that_are_not_oriented_alike_count_as_concave(tmp_path):
+    mesh = meshes.box()
+    mesh.faces[0] = mesh.faces[0][::-1]
+    path = meshes.save(mesh, tmp_path / "box.obj")
+    assert read_hull(path).fill == 0.0 and corners(path) == CORNERS
+
+
+FLAT = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\nf 1 3 2\nf 2 3 4\n"
+BAD = {
+    "box.stl": ("", "is not a mesh"),
+    "box.obj": ("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n", "has 0 triangles; at least 4 are needed"),
+    "flat.obj": (FLAT, "is flat: its points span no volume"),
+    "point.obj": ("v 1 1 1\n" * 4 + "f 1 2 3\n" * 4, "is"),
+    "nan.obj": (FLAT.replace("1 1 0", "1 1 nan"), "is not a mesh"),
+    "huge.obj": (FLAT.replace("1 1 0", "1 1 1e9"), "a coordinate is not finite, or larger than 1e+06"),
+    "box.glb": ("glTF", "is not a mesh"),
+    "box.dae": ("<COLLADA>", "is not a mesh"),
+    "box.ply": ("ply", "is not a mesh"),
+    "box.step": ("ISO-10303-21;", "is of an unknown format; allowed: .stl, .obj, .dae"),
+    "box": ("", "is of an unknown format"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_is_no_mesh_is_refused(tmp_path, name):
+    text, says = BAD[name]
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError) as error:
+        read_hull(tmp_path / name)
+    assert error.value.code == Code.INVALID_SCENE
+    assert error.value.reason.startswith(f"mesh '{tmp_path / name}' ") and says in error.value.reason
+
+
+def test_a_large_hull_is_simplified_from_outside(tmp_path):
+    """The collision checks number vertices with 16 bits: 33,500 of them ended in a segmentation fault."""
+    points = np.random.default_rng(0).normal(size=(33_500, 3))
+    points *= np.array([0.05, 0.05, 0.2]) / np.linalg.norm(points, axis=1)[:, None]
+    path = meshes.save(trimesh.PointCloud(points).convex_hull, tmp_path / "egg.stl")
+    hull = read_hull(path)
+    assert 1000 < len(hull.vertices) <= MAX_HULL_VERTICES and "is simplified from outside" in hull.notes[0]
+    own = trimesh.PointCloud(hull.vertices).convex_hull
+    normals, offsets = own.face_normals, np.einsum("ij,ij->i", own.face_normals, own.triangles[:, 0])
+    beyond = max((chunk @ normals.T - offsets).max() for chunk in np.array_split(points, 50))
+    assert beyond < 1e-6  # rounding in the file
+    assert np.linalg.norm(hull.vertices / [0.05, 0.05, 0.2], axis=1).max() < 1.002
+    vertices, radius = hull_vertices(Shape(ShapeKind.MESH, (1.0, 1.0, 2.0), mesh=path))
+    assert len(vertices) == len(hull.vertices) and radius == 0.0
+
+
+def test_large_hulls_do_not_end_the_process(tmp_path):
+    """Distances of two bodies with hulls of more vertices than 16 bits can number."""
+    points = np.random.default_rng(0).normal(size=(33_500, 3))
+    points *= 0.05 / np.linalg.norm(points, axis=1)[:, None]
+    path = meshes.save(trimesh.PointCloud(points).convex_hull, tmp_path / "ball.stl")
+    code = (
+        "import sys, json, numpy as np\n"
+        "from pathlib import Path\n"
+        "from hmap_core.collision.convex import convex_set, set_distance\n"
+        "from hmap_core.types import Shape, ShapeKind\n"
+        "ball = convex_set([Shape(ShapeKind.MESH, (1.0, 1.0, 1.0), mesh=Path(sys.argv[1]))])\n"
+        "T = np.array([[x, 0, 0, 0, 0, 0, 1.0] for x in (0.0, 0.3)])\n"
+        "print(json.dumps(set_distance(ball, T[0], ball, T[1])))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == pytest.approx(0.2, abs=2e-4)
+
+
+def test_a_mesh_file_that_changes_is_read_again(tmp_path):
+    path = meshes.save(meshes.box(), tmp_path / "box.stl")
+    assert corners(path) == CORNERS
+    shutil.copy(meshes.save(trimesh.creation.box((1, 1, 1)), tmp_path / "other.stl"), path)
+    assert len(corners(path)) == 8 and corners(path) != CORNERS
