@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 import validation_fixtures as plans
 
-from hmap_core.validation import Kind, check
+from hmap_core.validation import Kind, check, document
+from hmap_core.validation.support import SupportFinder
+from hmap_core.validation.world import World
 
 
 @pytest.fixture(scope="module")
@@ -424,6 +426,63 @@ def test_support_taken_away(urdf):
     found = plans.worst(check(board.plan(urdf, plans.goal("low", (0.24, 0.0, 0.03)))), Kind.UNSUPPORTED)
     assert found.bodies == ("high",)
     assert found.time == pytest.approx(4.0)
+
+
+def released(urdf, shape: str, size, T, extra=(), mode: str = "physical") -> dict:
+    """The cube of :func:`drop_at`, replaced by another body that is let go at a pose."""
+    plan = drop_at(urdf, tuple(T[:3]), extra)
+    plan["mode"] = mode
+    body = next(entry for entry in plan["scene"]["bodies"] if entry["name"] == "cube")
+    body |= {"shape": shape, "size": list(size)}
+    plan["goal"]["pose"] = list(T)
+    for k, at in enumerate(plan["trajectory"]["objects"]["cube"]):
+        plan["trajectory"]["objects"]["cube"][k] = [*at[:3], *T[3:]]
+    body["pose"] = plan["trajectory"]["objects"]["cube"][0]
+    return plan
+
+
+def unsupported(plan: dict) -> bool:
+    """Whether the judge says that the body is not supported at the end; contacts with it are not looked at."""
+    world = World(document.read(plan))
+    return not SupportFinder(world).at("cube", world.samples - 1, plan["mode"] == "physical").stable
+
+
+def ring(at, gap: float) -> list[dict]:
+    span, (x, y) = 2 * (0.03 + gap) + 0.008, at
+    places = [(x, y + span / 2), (x, y - span / 2), (x + span / 2, y), (x - span / 2, y)]
+    sizes = [(span, 0.008, 0.012)] * 2 + [(0.008, span, 0.012)] * 2
+    return [
+        plans.box(f"wall{k}", size, (*place, 0.006), "fixed")
+        for k, (place, size) in enumerate(zip(places, sizes, strict=True))
+    ]
+
+
+@pytest.mark.parametrize(("gap", "mode", "falls"), [(None, "physical", True), (0.006, "physical", False)])
+def test_a_released_ball_rolls_away_unless_a_ring_stops_it(urdf, gap, mode, falls):
+    extra = () if gap is None else ring((0.3, 0.0), gap)
+    plan = released(urdf, "sphere", (0.03,), plans.pose(0.3, 0.0, 0.03), extra, mode)
+    assert unsupported(plan) is falls
+
+
+def test_a_released_rod_rolls_away_unless_it_lies_between_rails(urdf):
+    lying = [0.0, math.sin(math.pi / 4), 0.0, math.cos(math.pi / 4)]
+    rails = [plans.box(f"rail{y}", (0.3, 0.01, 0.02), (0.3, y, 0.01), "fixed") for y in (-0.015, 0.015)]
+    height = 0.02 + math.sqrt(0.02**2 - 0.01**2)
+    assert unsupported(released(urdf, "cylinder", (0.02, 0.1), [0.3, 0.0, 0.02, *lying]))
+    assert not unsupported(released(urdf, "cylinder", (0.02, 0.1), [0.3, 0.0, height, *lying], rails))
+
+
+@pytest.mark.parametrize(("friction", "falls"), [(0.6, False), (0.05, True)])
+def test_a_board_leans_against_a_wall_if_friction_keeps_it(urdf, friction, falls):
+    angle = math.radians(20.0)
+    turn = [0.0, math.sin(angle / 2), 0.0, math.cos(angle / 2)]
+    half = np.array([0.005, 0.1])  # of its extents along x and z
+    wide, high = half @ [math.cos(angle), math.sin(angle)], half @ [math.sin(angle), math.cos(angle)]
+    wall = plans.box("wall", (0.02, 1.0, 0.5), (0.31 + wide, 0.0, 0.25), "fixed", friction)
+    plan = released(urdf, "box", (0.01, 0.05, 0.2), [0.3, 0.0, high, *turn], (wall,))
+    for body in plan["scene"]["bodies"]:
+        body["friction"] = friction
+    assert unsupported(plan) is falls
 
 
 def test_push_over_the_edge_of_the_table(urdf):

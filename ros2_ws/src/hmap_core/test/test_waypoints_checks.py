@@ -6,6 +6,7 @@ from geometry_fixtures import TABLE, body_distances, box, dense, worst_distance
 from waypoints_fixtures import SLACK, U_WALLS, WINDOW, u_problem, window_problem
 
 from hmap_core.collision.convex import convex_set
+from hmap_core.stability.mass import centre_of_mass
 from hmap_core.transforms import IDENTITY, interpolate, pose
 from hmap_core.types import BodyKind, Shape, ShapeKind
 from hmap_core.waypoints import DEFAULT_MIN_DISTANCE, ObjectPathProblem
@@ -15,7 +16,7 @@ from hmap_core.waypoints.rrt import rrt_path
 from hmap_core.waypoints.search import search_bounds
 from hmap_core.waypoints.search_budget import SearchBudget
 from hmap_core.waypoints.shorten import relax, smooth
-from hmap_core.waypoints.support import Support, centre_of_mass
+from hmap_core.waypoints.support import Support
 
 
 def random_pose(rng, spread):

@@ -1,5 +1,7 @@
 """Grasps: two fingers on opposite faces of the object."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numba import njit
 
@@ -64,6 +66,10 @@ def antipodal(cloud: Cloud, own: Solids, hand: Hand, friction: float) -> tuple[n
     return opposite & fits, width
 
 
+# surface points, the object's shapes, hand, friction -> whether a face lies opposite (N,), width (N,) in m
+Opposite = Callable[[Cloud, Solids, Hand, float], tuple[np.ndarray, np.ndarray]]
+
+
 def grasps(
     cloud: Cloud,
     own: Solids,
@@ -71,8 +77,9 @@ def grasps(
     radius: float,
     hand: Hand,
     friction: float,
-    allowed,
+    allowed: Callable[[np.ndarray], np.ndarray],
     situation: Situation,
+    opposite: Opposite = antipodal,
 ) -> Candidates:
     """Grasps at points with an opposite face, from APPROACHES directions and with both orientations of the hand.
 
@@ -88,8 +95,9 @@ def grasps(
         friction: coefficient of the object.
         allowed: maps points (N, 3) to whether contacts can lie there (N,).
         situation: the object's pose and motion, and the robot's position.
+        opposite: finds the points with an opposite face, and the widths there.
     """
-    good, width = antipodal(cloud, own, hand, friction)
+    good, width = opposite(cloud, own, hand, friction)
     good &= allowed(cloud.points - width[:, None] * cloud.normals)
     turns, sides = 2.0 * np.pi * np.arange(APPROACHES) / APPROACHES, np.array([1.0, -1.0])
     count = APPROACHES * len(sides)

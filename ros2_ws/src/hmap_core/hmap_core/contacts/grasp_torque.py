@@ -12,9 +12,9 @@ import numpy as np
 from hmap_core.contacts.access import on_face
 from hmap_core.contacts.solids import solids
 from hmap_core.komo.shapes import body_set
+from hmap_core.stability.mass import centre_of_mass
 from hmap_core.transforms import IDENTITY, rotation_matrices, rotation_matrix
 from hmap_core.types import AttachedBody, Body, ContactKind, ContactPoint, Gripper
-from hmap_core.waypoints.support import centre_of_mass
 
 GRAVITY = 9.81  # m/s^2
 # shares of a pad's half width at which the face below it is checked, from the edge inwards

@@ -16,9 +16,10 @@ from hmap_core.contacts.candidates import CONTACT_GAP, Candidates, Hand, HandPos
 from hmap_core.contacts.facets import MIDDLE, attached_facets, facet_poses
 from hmap_core.contacts.friction import characteristic_length, cone_generators, in_cone, needed_wrench, stable_pushes
 from hmap_core.contacts.solids import Solids, solids
+from hmap_core.stability.mass import centre_of_mass
 from hmap_core.transforms import IDENTITY, apply, inverse, multiply, rotation_matrix
 from hmap_core.types import Body, ContactKind, ContactPoint
-from hmap_core.waypoints.support import centre_of_mass, feet
+from hmap_core.waypoints.support import feet
 
 # largest angle of a pushed face to the vertical, rad
 UPRIGHT = float(np.deg2rad(10.0))

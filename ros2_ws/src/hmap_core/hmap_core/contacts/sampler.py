@@ -9,13 +9,14 @@ from hmap_core.collision.convex import convex_set
 from hmap_core.contacts import scoring
 from hmap_core.contacts.camera import Cloud
 from hmap_core.contacts.candidates import Candidates, Hand, Situation
-from hmap_core.contacts.grasp import grasps
+from hmap_core.contacts.grasp import antipodal, grasps
 from hmap_core.contacts.push import pushes
 from hmap_core.contacts.solids import Solids, interval, outward_normal, solids
+from hmap_core.contacts.spanning import antipodal_outside
 from hmap_core.contacts.touch import touches
+from hmap_core.stability.mass import centre_of_mass
 from hmap_core.transforms import IDENTITY
 from hmap_core.types import Body, ContactPoint, TaskMode
-from hmap_core.waypoints.support import centre_of_mass
 
 # contacts handed out at a time
 DEFAULT_BATCH = 256
@@ -62,9 +63,20 @@ def in_regions(points: np.ndarray, regions: tuple[np.ndarray, ...]) -> np.ndarra
 
 
 def candidates(
-    body: Body, cloud: Cloud, hand: Hand, mode: TaskMode, situation: Situation, rng: np.random.Generator
+    body: Body,
+    cloud: Cloud,
+    hand: Hand,
+    mode: TaskMode,
+    situation: Situation,
+    rng: np.random.Generator,
+    spanning: bool = False,
 ) -> list[Candidates]:
-    """Contacts of every kind that the mode allows: touches in kinematic tasks, grasps and pushes in physical ones."""
+    """Contacts of every kind that the mode allows: touches in kinematic tasks, grasps and pushes in physical ones.
+
+    With ``spanning``, only grasps of physical tasks across a gap between two walls of the body.
+    """
+    if spanning and (mode == TaskMode.KINEMATIC or hand.gripper is None or len(body.shapes) < 2):
+        return []
     own = solids([(shape, IDENTITY) for shape in body.shapes])
     shapes = convex_set(body.shapes)
     centre = centre_of_mass(shapes)
@@ -75,13 +87,14 @@ def candidates(
         return []
     if mode == TaskMode.KINEMATIC:
         return [touches(cloud, centre, radius, hand, situation, rng)]
-    sets = [pushes(body, cloud, own, centre, radius, hand, situation, rng)]
+    sets = [] if spanning else [pushes(body, cloud, own, centre, radius, hand, situation, rng)]
     if hand.gripper is not None:
 
-        def allowed(points):
+        def allowed(points: np.ndarray) -> np.ndarray:
             return in_regions(points, body.graspable)
 
-        sets.append(grasps(cloud, own, centre, radius, hand, body.friction, allowed, situation))
+        opposite = antipodal_outside if spanning else antipodal
+        sets.append(grasps(cloud, own, centre, radius, hand, body.friction, allowed, situation, opposite))
     return [s for s in sets if s is not None and len(s)]
 
 
@@ -93,6 +106,7 @@ def sample_contacts(
     situation: Situation,
     rng: np.random.Generator,
     batch: int = DEFAULT_BATCH,
+    spanning: bool = False,
 ) -> Iterator[list[ContactPoint]]:
     """Contact points for one object, ranked, in batches; the geometry of the robot and the scene is not looked at.
 
@@ -104,8 +118,9 @@ def sample_contacts(
         situation: where the object is, where it goes next, where the robot stands.
         rng: the only source of randomness.
         batch: contacts per batch; the last may be shorter.
+        spanning: only grasps across a gap between two walls of the body.
     """
-    sets = candidates(body, cloud, hand, mode, situation, rng)
+    sets = candidates(body, cloud, hand, mode, situation, rng, spanning)
     if not sets:
         return
     which, index = scoring.ordered(sets)

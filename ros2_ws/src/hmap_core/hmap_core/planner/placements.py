@@ -84,7 +84,7 @@ def placements_of(
         keep_out: where something will pass.
         unsteady: bodies on which nothing may be put, as they will move.
     """
-    search = _Search(scene, state, name, tuple(keep_out), rng)
+    search = PlaceSearch(scene, state, name, tuple(keep_out), rng)
     faces = level_faces(scene, state, unsteady | {name})
     here = [f for f in faces if search.stands_on(f)]
     others = [f for f in faces if not search.stands_on(f)]
@@ -96,7 +96,7 @@ def placements_of(
             yield from search.best(sort, yaw)
 
 
-class _Search:
+class PlaceSearch:
     """Candidates for one body's place, filtered and ranked."""
 
     def __init__(self, scene: Scene, state: SceneState, name: str, keep_out: tuple[Sweep, ...], rng):
@@ -137,20 +137,20 @@ class _Search:
         turn = from_rpy((0, 0, 0), (0, 0, yaw))
         turned = multiply(turn, np.r_[0.0, 0.0, 0.0, self.T[3:]])
         height = face.height - feet(self.shapes, rotation_matrix(turned))[1]
-        xy = self._samples(face)
+        xy = self.samples(face)
         xy = xy[inside(face.polygon, xy) >= 0.0]
         positions = np.column_stack([xy, np.full(len(xy), height)])
-        positions = positions[self._stretch(positions, REACH_SHARE) <= 0.0]
+        positions = positions[self.stretch(positions, REACH_SHARE) <= 0.0]
         if not len(positions):
             return []
         poses = np.column_stack([positions, np.tile(turned[3:], (len(positions), 1))])
         holds = stable_poses(self.scene.bodies[self.name], np.vstack([self.T, poses]), self.standing_bodies)[1:]
-        around = self._above(face.height)
+        around = self.above(face.height)
         half = 0.5 * np.ptp(self.shapes.vertices @ rotation_matrix(turned).T, axis=0)[:2].min()  # as far over the edge
         poses = poses[holds]
         edge = np.maximum(0.0, half - inside(face.polygon, poses[:, :2]))
         cost = np.linalg.norm(poses[:, :3] - self.T[:3], axis=1) + (TURN_COST if yaw else 0.0)
-        cost += STRETCH_WEIGHT * np.maximum(0.0, self._stretch(poses[:, :3], COMFORT_SHARE)) + ROOM_WEIGHT * edge
+        cost += STRETCH_WEIGHT * np.maximum(0.0, self.stretch(poses[:, :3], COMFORT_SHARE)) + ROOM_WEIGHT * edge
         found = []
         for T, way in zip(poses, cost, strict=True):
             body = {self.name: transformed(self.shapes, T)}
@@ -160,7 +160,7 @@ class _Search:
                 found.append((way + ROOM_WEIGHT * (2.0 * ROOM - space - room), T))
         return found
 
-    def _samples(self, face: Face) -> np.ndarray:
+    def samples(self, face: Face) -> np.ndarray:
         """Positions (M, 2): half of them round where the body is, denser there, half of them all over the face."""
         half = len(self.unit) // 2
         angle = 2.0 * np.pi * self.unit[:half, 0]
@@ -168,12 +168,12 @@ class _Search:
         low, high = face.polygon.min(axis=0), face.polygon.max(axis=0)
         return np.concatenate([ring, low + self.unit[half:] * (high - low)])
 
-    def _stretch(self, positions: np.ndarray, share: float) -> np.ndarray:
+    def stretch(self, positions: np.ndarray, share: float) -> np.ndarray:
         """How far (M,) in metres positions (M, 3) are beyond a share of the reach of the robot that reaches best."""
         far = np.linalg.norm(positions[:, None] - self.shoulders, axis=2)
         return (far - share * self.reach).min(axis=1)
 
-    def _above(self, height: float) -> Sweep:
+    def above(self, height: float) -> Sweep:
         """The robots, and of the other bodies the shapes that rise above a height."""
         kept = []
         for shapes in self.others.values():

@@ -26,7 +26,8 @@ class SampledContacts:
     """Implements :class:`hmap_core.planner.protocols.ContactProposer`.
 
     Batches come from the measured cloud first, then from the points of the known surface that cameras see, then from
-    the rest of that surface. Within each, contacts are ranked by the score of the sampler.
+    the rest of that surface; grasps across a gap between two walls come last. Within each, contacts are ranked by the
+    score of the sampler.
     """
 
     def propose(self, query: ContactQuery) -> Iterator[ContactProposals]:
@@ -43,10 +44,11 @@ class SampledContacts:
         ahead = poses[1] if len(poses) > 1 else None
         situation = Situation(poses[0], ahead, placed.base_pose[:3])
         body, total = scene.bodies[query.object], 0
-        for points in (query.cloud, surface[surface.seen], surface[~surface.seen]):
+        sources = (query.cloud, False), (surface[surface.seen], False), (surface[~surface.seen], False), (surface, True)
+        for points, spanning in sources:
             if points is None or not len(points):
                 continue
-            for batch in sample_contacts(body, points, hand, scene.mode, situation, query.rng, BATCH):
+            for batch in sample_contacts(body, points, hand, scene.mode, situation, query.rng, BATCH, spanning):
                 total += len(batch)
                 yield ContactProposals(tuple(self._sound(query, batch)))
                 if total >= MAX_CONTACTS:

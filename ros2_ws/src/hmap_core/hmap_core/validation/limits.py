@@ -43,6 +43,10 @@ SUPPORT_GAP = 1e-3  # m, largest distance between an object and its support
 STABLE_MARGIN = 1.5e-3  # m, stability margin: distance of the centre of mass from the edge of the support region
 SUPPORT_CHECK_STEP = 0.02  # m, travel between two support checks of a pushed object
 GRAVITY_SLIDE = 2e-3  # m, raising an object by this distance separates it from its support
+REST_TILT = math.tan(math.radians(6.0))  # tilt of gravity that an object in a cradle, or one that could roll, resists
+REST_FRICTION = 0.8  # share of the friction coefficient that this relies on
+REST_CARRIED = 0.5  # share of its weight that normal forces carry; friction between two walls is not relied on
+ROLL_ROOM = 0.02  # m that such an object may move until something stops it
 
 # --- physics ---
 PUSH_SPEED = 1e-3  # m/s, speed below which a pushed object counts as at rest

@@ -2,16 +2,17 @@
 
 The object is lowered by ``limits.SUPPORT_GAP``. Another body supports it where the two then overlap, and would not
 overlap if the object were raised. The support region is the convex hull of all these patches in the horizontal plane;
-the centre of mass must project into it.
+the centre of mass must project into it. If it does not, or if the object could roll, the equilibrium of contact forces
+decides (:mod:`hmap_core.validation.rest`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
-from hmap_core.validation import limits
+from hmap_core.validation import limits, rest
 from hmap_core.validation.contacts import Contact, runs
 from hmap_core.validation.geometry import Gauge, polytope_points, transform
 from hmap_core.validation.objects import deviation
@@ -21,6 +22,7 @@ from hmap_core.validation.world import Part, World
 MIN_RADIUS = 1e-7  # m, inscribed radius below which an overlap counts as empty
 SAMPLED_DEPTH = 1e-4  # m, depth inside an overlap that a sampled interior point must have
 CENTER_FRACTIONS = np.geomspace(1e-4, 1.0, 40)  # sampled fractions of the line to the centre
+UPRIGHT = 0.99  # cosine between the axis of a cylinder that stands on its end and the vertical
 DOWN = np.array([0.0, 0.0, -1.0])
 
 
@@ -33,15 +35,19 @@ class Support:
         gap: distance to the nearest other body, m.
         inside: distance of the centre of mass from the edge of the support region in the horizontal plane, m; negative
             outside.
+        stays: whether contact forces keep the object where it is; None if the support region alone decides.
     """
 
     bodies: frozenset[str]
     gap: float
     inside: float
+    stays: bool | None = None
 
     @property
     def stable(self) -> bool:
-        """Whether the object is supported with the stability margin ``limits.STABLE_MARGIN``."""
+        """Whether the object is supported with the stability margin ``limits.STABLE_MARGIN``, or stays by friction."""
+        if self.stays is not None:
+            return self.stays
         return bool(self.bodies) and self.inside >= limits.STABLE_MARGIN
 
 
@@ -137,21 +143,32 @@ class SupportFinder:
         self._bodies = [part for part in world.parts if part.link is None]
         self._cache: dict[tuple, tuple[float, np.ndarray | None]] = {}  # most bodies are at rest most of the time
 
-    def at(self, name: str, k: int) -> Support:
-        """The support of a body at sample k."""
+    def at(self, name: str, k: int, released: bool = False) -> Support:
+        """The support of a body at sample k; one that was ``released`` there must not roll away either."""
         carriers, patches, gap = set(), [], np.inf
+        near, rolls = [], False
         for part in self._world.parts_of(name):
             for other in self._bodies:
                 if other.holder != name:
                     distance, patch = self._cached_contact(part, other, k)
                     gap = min(gap, distance)
+                    if distance <= 2.0 * limits.ROLL_ROOM:
+                        near.append(other)
                     if patch is not None:
                         carriers.add(other.holder)
                         patches.append(patch[:, :2])
-        if not patches:
-            return Support(frozenset(), gap, -np.inf)
+                        rolls |= self._round(part, k)
         center = center_of_mass(self._world, name, k)
-        return Support(frozenset(carriers), gap, _inside(np.vstack(patches), center[:2]))
+        inside = _inside(np.vstack(patches), center[:2]) if patches else -np.inf
+        support = Support(frozenset(carriers), gap, inside)
+        if gap <= limits.SUPPORT_GAP and (not support.stable or (released and rolls)):
+            support = replace(support, stays=rest.stays(self._world, name, list(dict.fromkeys(near)), center, k))
+        return support
+
+    def _round(self, part: Part, k: int) -> bool:
+        """Whether a part lies on a round side."""
+        upright = abs(self._world.tracks[part].R[k][2, 2]) > UPRIGHT
+        return part.solid.kind in ("sphere", "capsule") or (part.solid.kind == "cylinder" and not upright)
 
     def _cached_contact(self, part: Part, other: Part, k: int) -> tuple[float, np.ndarray | None]:
         poses = self._world.poses
@@ -189,6 +206,9 @@ def _report(support: Support, name: str, time: float, findings: Findings) -> Non
     if not support.bodies:
         amount, limit = support.gap, limits.SUPPORT_GAP
         findings.add(Kind.UNSUPPORTED, (name,), time, amount, limit, amount)
+    elif support.inside >= limits.STABLE_MARGIN:
+        bodies = (name, *sorted(support.bodies))
+        findings.add(Kind.UNSUPPORTED, bodies, time, limits.ROLL_ROOM, 0.0, limits.ROLL_ROOM)
     else:
         bodies = (name, *sorted(support.bodies))
         findings.add(Kind.UNSUPPORTED, bodies, time, -support.inside, -limits.STABLE_MARGIN, -support.inside)
@@ -226,8 +246,8 @@ class SupportCheck:
                 if contact.kind == "push":
                     self._check_pushed(contact)
 
-    def _find(self, name: str, k: int) -> Support:
-        support = self._finder.at(name, k)
+    def _find(self, name: str, k: int, released: bool = False) -> Support:
+        support = self._finder.at(name, k, released)
         self.pairs |= {frozenset((name, body)) for body in support.bodies}
         return support
 
@@ -240,8 +260,10 @@ class SupportCheck:
                 free[contact.segment.first : contact.segment.last] = False
         for first, last in runs(free):
             for k in self._changes(first, last):
-                if stable_before or _moved(self._world, name, k):
-                    _report(self._find(name, k), name, self._world.document.time[k], self._findings)
+                moved = _moved(self._world, name, k)
+                if stable_before or moved:
+                    support = self._find(name, k, moved and self._world.document.mode == "physical")
+                    _report(support, name, self._world.document.time[k], self._findings)
 
     def _changes(self, first: int, last: int) -> list[int]:
         """The ends of an interval and the ends of segments inside it, when other bodies may have moved."""

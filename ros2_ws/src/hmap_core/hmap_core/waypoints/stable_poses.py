@@ -6,6 +6,7 @@ import numpy as np
 
 from hmap_core.collision.convex import ConvexSet
 from hmap_core.komo.shapes import body_set
+from hmap_core.stability.rest import rests
 from hmap_core.transforms import apply, rotation_matrices, rotation_matrix
 from hmap_core.types import Body
 from hmap_core.waypoints.support import FACE_TOLERANCE, Support
@@ -18,7 +19,8 @@ def stable_poses(body: Body, poses: np.ndarray, obstacles: Sequence[Body]) -> np
     """Test at which poses a body stands stably on obstacles.
 
     If the test does not understand how the body rests at the first pose (a ball, for example), the body counts as
-    stable at all poses with the same height and tilt.
+    stable at all poses with the same height and tilt. At the first and the last pose, the equilibrium of forces decides
+    about a body that stands on no flat face: in a cradle, leaning, or kept from rolling.
 
     Args:
         body: the body.
@@ -43,7 +45,10 @@ def stable_poses(body: Body, poses: np.ndarray, obstacles: Sequence[Body]) -> np
         support = Support(own, hulls, poses[first])
         stands[todo[same]] = [support.is_stable(T) for T in poses[todo[same]]]
         todo = todo[~same]
-    return stands if stands[0] else stands | _alike(poses, up, 0)
+    stands = stands if stands[0] else stands | _alike(poses, up, 0)
+    for end in {0, len(poses) - 1}:
+        stands[end] = stands[end] or rests(body, poses[end], obstacles)
+    return stands
 
 
 def _posed(obstacles: Sequence[Body]) -> list[tuple[np.ndarray, ConvexSet]]:

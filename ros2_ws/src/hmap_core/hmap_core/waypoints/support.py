@@ -1,13 +1,13 @@
 """Stability of a body that slides on its support: its centre of mass has to stay above the contact polygon."""
 
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
 from numba import njit
 from scipy.spatial import ConvexHull, QhullError
 
 from hmap_core.collision.convex import ConvexSet
+from hmap_core.stability.mass import centre_of_mass
 from hmap_core.transforms import rotation_matrix
 from hmap_core.waypoints.kernels import length, screw
 
@@ -20,8 +20,6 @@ SUPPORT_STEP = 0.005
 # polygons thinner than this carry no body, m
 _THIN = 1e-6
 _MAX_CORNERS = 160
-# number of bodies whose centre of mass is cached
-BODIES_KEPT = 256
 
 
 def _polygon(points: np.ndarray) -> np.ndarray:
@@ -52,27 +50,6 @@ def feet(body: ConvexSet, R: np.ndarray) -> tuple[list[np.ndarray], float]:
     lowest = float(min(h[:, 2].min() - r for h, r in hulls))
     faces = [_face(h, r, False, lowest) for h, r in hulls]
     return [f for f in faces if len(f) >= 3], lowest
-
-
-@lru_cache(maxsize=BODIES_KEPT)
-def centre_of_mass(body: ConvexSet) -> np.ndarray:
-    """Centroid (3,) in the body frame, m, of shapes with the same density; overlaps count twice."""
-    total, moment = 0.0, np.zeros(3)
-    for k in range(len(body)):
-        hull, r = body.hull(k), body.radius[k]
-        center, volume = (body.center[k], 4.0 / 3.0 * np.pi * body.bound[k] ** 3)
-        if r == 0.0 and len(hull) > 3:
-            center, volume = _centroid(hull)
-        total += volume
-        moment += volume * center
-    return moment / total
-
-
-def _centroid(hull: np.ndarray) -> tuple[np.ndarray, float]:
-    inside = hull.mean(0)
-    a, b, c = (hull[ConvexHull(hull).simplices[:, k]] - inside for k in range(3))
-    volume = np.abs(np.einsum("ij,ij->i", a, np.cross(b, c))) / 6.0
-    return inside + (volume[:, None] * (a + b + c) / 4.0).sum(0) / volume.sum(), float(volume.sum())
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -3,6 +3,7 @@
 from hmap_core.planner.strategies.attached_path import AttachedPathStrategy
 from hmap_core.planner.strategies.attached_tool import AttachedToolStrategy
 from hmap_core.planner.strategies.by_hand import ByHand, ByHandToTheEnd, ByHandWhereverItReaches
+from hmap_core.planner.strategies.manipulation_graph import ManipulationGraphStrategy
 from hmap_core.planner.strategies.new_tool import NewTool
 from hmap_core.planner.strategies.object_path import ObjectPathStrategy
 from hmap_core.planner.strategies.pushed_paths import PushedPaths
@@ -10,7 +11,13 @@ from hmap_core.planner.strategies.remove_obstacles import RemoveObstacles
 from hmap_core.planner.strategies.slide_first import SlideFirst
 
 # for a path of the object, one round of the outer loop
-PATH_STRATEGIES = (ObjectPathStrategy(), AttachedPathStrategy(), SlideFirst(), PushedPaths())
+PATH_STRATEGIES = (
+    ObjectPathStrategy(),
+    AttachedPathStrategy(),
+    SlideFirst(),
+    PushedPaths(),
+    ManipulationGraphStrategy(),
+)
 # at one waypoint, with all bodies where they are; they solve the relaxed problem, too
 CONTACT_STRATEGIES = (ByHandToTheEnd(), AttachedToolStrategy(), ByHand(), NewTool(), ByHandWhereverItReaches())
 # at one waypoint

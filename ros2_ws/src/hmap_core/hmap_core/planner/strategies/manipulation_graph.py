@@ -1,0 +1,103 @@
+"""Intermediate placements: the object is put somewhere, so that another contact can take over."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from hmap_core.exceptions import Code, PlannerError
+from hmap_core.planner.attached_path import attached_paths
+from hmap_core.planner.goals import goal_of_round, path_scene
+from hmap_core.planner.manipulation_graph.graph import ManipulationGraph
+from hmap_core.planner.manipulation_graph.grasp_sets import grasp_sets
+from hmap_core.planner.manipulation_graph.placements import Placement, intermediate_placements
+from hmap_core.planner.obstacle_removal import RemovalError
+from hmap_core.planner.obstruction import without
+from hmap_core.planner.outcome import Failure, Outcome, Solution
+from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
+from hmap_core.planner.strategies.remove_obstacles import clear_path
+from hmap_core.planner.tasks import PathTask
+from hmap_core.planner.tools import with_tool_placed
+from hmap_core.types import ContactPoint, Goal
+
+if TYPE_CHECKING:
+    from hmap_core.planner.search import Search
+
+EDGES_PLANNED = 16  # in one round
+
+
+class ManipulationGraphStrategy:
+    """A graph of placements, searched best first; its edges are planned by Algorithm 1."""
+
+    name = "intermediate placements"
+
+    def applies(self, task: PathTask) -> bool:
+        """Whether the task is physical, about the task's own object, and several contacts may be used."""
+        return task.subgoal.depth == 0 and not task.subgoal.whole and not task.kinematic
+
+    def solve(self, search: "Search", task: PathTask) -> Outcome:
+        """Plan edges on the cheapest way to the goal until it is reached, or no way is left."""
+        context, record = search.context, search.context.record
+        graph, goal = self._graph(search, task)
+        for _ in range(EDGES_PLANNED):
+            context.time_left()
+            way = graph.cheapest()
+            if way is None:
+                break
+            a, b = way[0], way[1]
+            edge = graph.edge(a, b)
+            final = len(way) == 2
+            subgoal = replace(task.subgoal, goal=goal) if final else _to(task.subgoal, goal, graph.nodes[b])
+            contact = "slide" if edge.sliding else "grasp"
+            where = "its goal" if final else "({:.3f}, {:.3f}, {:.3f})".format(*graph.nodes[b].pose[:3])
+            with record.tree.attempt(f"placement {a} to {b} at {where}: {contact}") as node:
+                outcome = self._plan(search, subgoal, graph.reached[a], [] if edge.sliding else edge.hands)
+                node.close(outcome)
+            if isinstance(outcome, Failure):
+                if isinstance(outcome.error, RemovalError):
+                    record.failed(outcome.error)
+                graph.failed(a, b)
+            elif final:
+                return outcome
+            else:
+                graph.solved(a, b, outcome.sequence)
+        return record.last_failure()
+
+    def _graph(self, search: "Search", task: PathTask) -> tuple[ManipulationGraph, Goal]:
+        context, object = search.context, task.object
+        context.report("waypoints", text=f"intermediate placements of '{object}'")
+        state = with_tool_placed(task.sequence.state, task.sequence.tool_grasp)
+        goal, rng = goal_of_round(context, task, state), context.child_rng()
+        scene = path_scene(context.scene, task)
+        bare = without(scene, scene.removable)
+        start, end = Placement.at(state.poses[object]), Placement.at(goal.pose)
+        placements = intermediate_placements(scene, state, object, goal.pose, rng)
+        grasps = grasp_sets(bare, state, object, (start.pose, end.pose), rng)
+        return ManipulationGraph([start, end, *placements], grasps, task.sequence, rng), goal
+
+    def _plan(
+        self, search: "Search", subgoal: Subgoal, sequence: SolutionSequence, hands: list[tuple[str, ContactPoint]]
+    ) -> Outcome:
+        """Plan one edge: with a hand attached, or by H-MaP's own loop."""
+        context = search.context
+        if not hands:
+            return search.bring(subgoal, sequence)
+        context.record.forget()
+        state = with_tool_placed(sequence.state, sequence.tool_grasp)
+        scene = replace(context.scene, motion="spatial")
+        planner = context.components.object_path
+        paths = attached_paths(planner, scene, state, subgoal.goal, hands, context.rng, context.time_left())
+        for path in paths:
+            context.record.counts["waypoint_plans"] += 1
+            own = replace(subgoal, attached_path=path)
+            cleared = clear_path(search, own, sequence, path.poses, path.blockers)
+            if isinstance(cleared, Failure):
+                continue
+            outcome = search.follow(own, cleared.sequence, path.poses, cleared.known)
+            if isinstance(outcome, Solution) or outcome.ends_round:
+                return outcome
+        return Failure.of(context.record.error or PlannerError("no path of the object and a hand", Code.NO_MOTION))
+
+
+def _to(subgoal: Subgoal, goal: Goal, placement: Placement) -> Subgoal:
+    return replace(
+        subgoal, goal=Goal(goal.object, placement.pose), depth=subgoal.depth + 1, reason="to an intermediate placement"
+    )
