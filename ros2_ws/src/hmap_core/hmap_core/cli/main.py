@@ -13,7 +13,8 @@ from hmap_core.exceptions import HmapError, InputError
 from hmap_core.garbage import collect_rarely
 
 ENTRY_POINTS = "hmap.commands"  # group of other packages' modules with HELP, add_arguments and run
-BUILT_IN = {name: f"hmap_core.cli.{name}" for name in ("tasks", "plan", "check", "execute", "bench", "plugins")}
+COMMANDS = ("tasks", "plan", "check", "execute", "bench", "plugins", "robot")
+BUILT_IN = {name: f"hmap_core.cli.{name}" for name in COMMANDS}
 YES, NO, BAD_INPUT = 0, 1, 2  # exit codes
 
 

@@ -34,7 +34,21 @@ def camera_for(plan: Plan, width: int, height: int) -> Camera:
         line /= max(np.linalg.norm(line), 1e-9)
         forward = forward - line * (forward @ line)
     forward = forward / np.linalg.norm(forward) if np.linalg.norm(forward) > MIN_LEVER else np.array([0.0, -1.0, 0.0])
-    azimuth = np.arctan2(forward[1], forward[0]) + TWIST
+    return camera_around(points, float(np.arctan2(forward[1], forward[0])) + TWIST, width, height)
+
+
+def camera_around(points: np.ndarray, azimuth: float, width: int, height: int) -> Camera:
+    """The camera that looks down at points from a direction, so that all are visible.
+
+    Args:
+        points: (N, 3) m, world frame.
+        azimuth: rad, direction from the points to the camera in the horizontal plane.
+        width, height: pixels.
+
+    Returns:
+        The camera.
+    """
+    center = 0.5 * (points.min(axis=0) + points.max(axis=0))
     outward = np.array([np.cos(ELEVATION) * np.cos(azimuth), np.cos(ELEVATION) * np.sin(azimuth), np.sin(ELEVATION)])
     R = _rotation(-outward)
     local = (points - center) @ R
