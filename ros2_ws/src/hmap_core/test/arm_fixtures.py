@@ -8,7 +8,6 @@ from hmap_core.cli import main
 from hmap_core.scenes import resources
 
 ARMS = ("ur5e_2f85", "xarm7", "iiwa14_wsg50", "gen3_2f85", "fr3")
-SEEDS = range(3)
 
 # A crate that is wider than every gripper opens.
 PUSH = """\

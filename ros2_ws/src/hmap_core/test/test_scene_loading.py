@@ -125,7 +125,7 @@ CASES = [
     ("  other:", "  arm:", 20, "duplicate key", Code.INVALID_SCENE),
     ("  arm:", "  0arm:", 19, "a name is letters, digits", Code.INVALID_SCENE),
     ("model: iiwa", "model: no.yaml", 20, "robots.other.model = 'no.yaml': ", Code.INVALID_SCENE),
-    ("model: iiwa", "model: iwa", 20, "Did you mean 'iiwa'? Known: iiwa, panda", Code.UNKNOWN_ROBOT),
+    ("model: iiwa", "model: iwa", 20, "Did you mean 'iiwa'? Known: fr3, gen3_2f85, iiwa", Code.UNKNOWN_ROBOT),
     ("q: [0.1, 0", "q: [0.1", 20, "must have 7 numbers", Code.INVALID_SCENE),
     ("q: [0.1", "q: [9.9", 20, "robots.other.q[0] = 9.9: must be within the joint's limits", Code.INVALID_SCENE),
     ("up: [0, 1, 0]", "up: [0, 0, 1]", 22, "up must not be along the view", Code.INVALID_SCENE),

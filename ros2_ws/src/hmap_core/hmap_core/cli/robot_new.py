@@ -24,7 +24,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run ``hmap robot new``; its exit code."""
+    """Run ``hmap robot new``; its exit code.
+
+    Raises:
+        InputError: a file is missing, exists already or cannot be written, or the URDF cannot be used.
+    """
     out = arguments.out or Path(f"{arguments.urdf.name.split('.')[0]}.yaml")
     if out.suffix not in SUFFIXES:
         raise InputError(f"{out}: a robot file ends with {' or '.join(SUFFIXES)}")

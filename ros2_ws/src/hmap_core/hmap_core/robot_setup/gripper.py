@@ -5,13 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmap_core.kinematics.urdf import Urdf
+from hmap_core.robot_description import Joint
 from hmap_core.robot_setup.points import LinkPoints
 from hmap_core.robot_setup.structure import Structure, independent
-from hmap_core.scenes.grippers import JAW_CLEARANCE
-from hmap_core.scenes.urdf import MOVING, UrdfJoint
+from hmap_core.scenes.grippers import JAW_CLEARANCE, MAX_MIDDLE_OFFSET
 from hmap_core.transforms import from_matrix
 
 MAX_DRIVERS = 2  # independent joints of a gripper that the guess understands
+WAY_SAMPLES = 65  # joint values between the limits at which the gap is measured
 BETWEEN = 0.1  # share of the distance from the middle to the outermost finger below which a finger is on no side
 SNAP_CLOSING, SNAP_APPROACH = np.cos(np.deg2rad([20.0, 35.0]))  # an axis of the palm within this angle is taken
 FACE = 1e-3  # m; points this near to the innermost one of a finger are of its inner face
@@ -114,15 +115,20 @@ class _Guess:
             outwards = self._moves_outwards(joint, tips, middle, closing, sides)
             closed[joint.name], opened[joint.name] = ends if outwards else ends[::-1]
         approach = self._approach(tips, middle, closing)
-        fingers = tuple(self._innermost(side, closed, closing, approach, sides) for side in (1.0, -1.0))
+        fingers = self._fingers(closed, closing, approach, sides)
+        closed, opened = self._way(fingers, closed, opened, closing)
+        fingers = self._fingers(closed, closing, approach, sides)
         axes = np.stack([np.cross(closing, approach), closing, approach], axis=1)
         origin, half_width, edge = self._pads(fingers, closed, axes)
-        gaps = tuple(self._gap(fingers, values, closing) for values in (closed, opened))
+        gaps = self._gap(fingers, closed, closing), self._gap(fingers, opened, closing)
+        shift = self._middle(fingers, opened, closing) - self._middle(fingers, closed, closing)
+        named = " and ".join(fingers)
         if gaps[1] - max(gaps[0], 0.0) <= 2.0 * JAW_CLEARANCE:
             raise NoGripper(
-                f"the gap between {' and '.join(fingers)} is {gaps[0]:.4f} m with the fingers closed and "
-                f"{gaps[1]:.4f} m with them open"
+                f"between {named} are {gaps[0]:.4f} m with the fingers closed, {gaps[1]:.4f} m with them open"
             )
+        if abs(shift) > MAX_MIDDLE_OFFSET:
+            raise NoGripper(f"the middle between {named} moves by {shift:.4f} m as they open")
         T = np.eye(4)
         T[:3, :3], T[:3, 3] = axes, origin
         names = tuple(joint.name for joint in self._drivers)
@@ -169,7 +175,7 @@ class _Guess:
 
     def _moving_above(self, link: str) -> int:
         """Number of moving joints above a link."""
-        return sum(joint.kind in MOVING for joint in self._tree.path(link))
+        return sum(joint.moves for joint in self._tree.path(link))
 
     def _sides(self, tips: dict[str, str], values: dict[str, float]) -> tuple[np.ndarray, dict[str, float]]:
         """The closing direction (3,), palm frame, and the side (1 or -1) of each branch along it."""
@@ -182,6 +188,7 @@ class _Guess:
         if widest < FACE:
             raise NoGripper("its fingers are all at the same place")
         closing = _snapped((centers[first] - centers[second]) / widest, SNAP_CLOSING, np.eye(3))
+        closing = closing * np.sign(closing[np.abs(closing).argmax()])  # of the two signs, that along the palm's axis
         middle = 0.5 * (centers[first] + centers[second])
         along = {branch: float((center - middle) @ closing) for branch, center in centers.items()}
         for branch, at in along.items():
@@ -190,7 +197,7 @@ class _Guess:
         sides = {branch: float(np.sign(at)) for branch, at in along.items()}
         return closing, sides
 
-    def _moves_outwards(self, joint: UrdfJoint, tips, middle, closing: np.ndarray, sides) -> bool:
+    def _moves_outwards(self, joint: Joint, tips, middle, closing: np.ndarray, sides) -> bool:
         """Whether a driven joint opens the gripper towards its upper limit."""
         branch = self._branch_of(joint.child)
         if branch not in tips:
@@ -216,6 +223,27 @@ class _Guess:
         found = found - (found @ closing) * closing
         return found / np.linalg.norm(found)
 
+    def _fingers(self, closed, closing: np.ndarray, approach: np.ndarray, sides) -> tuple[str, str]:
+        """The finger links: one on each side."""
+        return (
+            self._innermost(1.0, closed, closing, approach, sides),
+            self._innermost(-1.0, closed, closing, approach, sides),
+        )
+
+    def _way(self, fingers: tuple[str, str], closed, opened, closing: np.ndarray):
+        """The joint values between which the gap grows all the way: from where the fingers meet to the widest gap."""
+
+        def at(share: float) -> dict[str, float]:
+            return {name: closed[name] + share * (opened[name] - closed[name]) for name in closed}
+
+        shares = np.linspace(0.0, 1.0, WAY_SAMPLES)
+        gaps = [self._gap(fingers, at(share), closing) for share in shares]
+        widest = int(np.argmax(gaps))
+        first = widest
+        while first > 0 and gaps[first] > 0.0 and gaps[first - 1] < gaps[first]:
+            first -= 1
+        return at(shares[first]), at(shares[widest])
+
     def _innermost(self, side: float, closed, closing: np.ndarray, approach: np.ndarray, sides) -> str:
         """The link of a side that reaches the farthest inwards with the gripper closed; of equals the foremost."""
         links = [link for link in self._solid if sides.get(self._branch[link]) == side]
@@ -227,6 +255,13 @@ class _Guess:
         return sum(
             self._points.lowest(link, values, side * closing) for link, side in zip(fingers, (1.0, -1.0), strict=True)
         )
+
+    def _middle(self, fingers: tuple[str, ...], values, closing: np.ndarray) -> float:
+        """Coordinate (m) of the middle of the gap along the closing direction."""
+        lower, upper = (
+            self._points.lowest(link, values, side * closing) for link, side in zip(fingers, (1.0, -1.0), strict=True)
+        )
+        return 0.5 * (lower - upper)
 
     def _pads(self, fingers: tuple[str, ...], closed, axes: np.ndarray) -> tuple[np.ndarray, float, bool]:
         """Origin (3,) of the end-effector frame, half width of the pads (m), and whether the inner faces are edges."""

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from hmap_core.kinematics.urdf import Urdf, load_urdf
+from hmap_core.robot_description import Joint
 from hmap_core.robot_setup.gripper import DIGITS, GripperGuess, NoGripper, guess_gripper
 from hmap_core.robot_setup.points import LinkPoints
 from hmap_core.robot_setup.structure import Structure, find_structure
-from hmap_core.scenes.urdf import UrdfJoint
 from hmap_core.transforms import IDENTITY, pose
 
 TURN = 3.141593  # rad, limit of a joint without limits
@@ -124,7 +124,7 @@ def _tip(urdf: Urdf, structure: Structure) -> tuple[np.ndarray, str]:
     return pose([0.0, 0.0, max(round(end, 6), 0.0)]), "guess: where the last link's shapes end along its z axis"
 
 
-def _limits(arm: tuple[UrdfJoint, ...]) -> tuple[np.ndarray, tuple[str, ...]]:
+def _limits(arm: tuple[Joint, ...]) -> tuple[np.ndarray, tuple[str, ...]]:
     limits, endless = [], []
     for joint in arm:
         if np.isfinite([joint.lower, joint.upper]).all():
@@ -146,7 +146,7 @@ def _rounded_up(values: np.ndarray) -> np.ndarray:
     return np.ceil(values * scale - ROUNDING) / scale + 0.0
 
 
-def _velocities(arm: tuple[UrdfJoint, ...]) -> tuple[np.ndarray, tuple[str, ...]]:
+def _velocities(arm: tuple[Joint, ...]) -> tuple[np.ndarray, tuple[str, ...]]:
     speeds = np.array([joint.velocity for joint in arm])
     missing = ~(np.isfinite(speeds) & (speeds > 0.0))
     note = "of the URDF"

@@ -15,8 +15,7 @@ from hmap_core.robot_setup.robot_text import draft_model, with_loadable_gripper
 from hmap_core.robot_setup.self_distance import SelfDistance
 from hmap_core.scenes import resources
 from hmap_core.scenes.document import read
-from hmap_core.scenes.robots import list_robots, load_robot_model
-from hmap_core.scenes.urdf import MOVING
+from hmap_core.scenes.robots import list_robots, load_robot_model, robot_findings
 from hmap_core.types import RobotModel
 
 ROBOT_FILES = (".yaml", ".yml")
@@ -126,17 +125,18 @@ def report(robot: str | Path) -> RobotReport:
     if urdf is None:
         return RobotReport(file, tuple(findings))
     description = load_robot_description(urdf)
-    findings += description.findings
+    found = list(description.findings)
     model = arm = None
     if not description.errors:
         try:
             model = draft_model(with_loadable_gripper(guess_robot(urdf))) if is_urdf else load_robot_model(str(file))
             arm = load_arm(model)
             if not is_urdf:
-                findings += _home_findings(file, arm)
+                found = [*robot_findings(str(file)), *_home_findings(file, arm)]
         except InputError as error:
             model = None
-            findings.append(_error(file, error))
+            found.append(_error(file, error))
+    findings += found
     reach = _reach(arm) if model is not None and arm is not None else None
     return RobotReport(file, tuple(findings), _joints(description, model), _links(description), model, reach)
 
@@ -182,7 +182,7 @@ def _reach(arm: Arm) -> float:
 
 
 def _joints(description: RobotDescription, model: RobotModel | None) -> tuple[JointRow, ...]:
-    moving = [joint for joint in description.joints.values() if joint.kind in MOVING]
+    moving = [joint for joint in description.joints.values() if joint.moves]
     return tuple(_joint(joint, model) for joint in moving)
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from hmap_core.exceptions import Code, InputError
 from hmap_core.kinematics.urdf import Urdf
+from hmap_core.robot_description import Joint
 from hmap_core.scenes.fields import did_you_mean
-from hmap_core.scenes.urdf import MOVING, UrdfJoint
 
 MAX_FINGER_JOINTS = 3  # independent joints of a branch beyond which it is an arm, not a finger
 JAW_WORDS = ("gripper", "jaw", "finger", "claw", "hand")  # in the name of a last joint that closes a jaw
@@ -26,10 +26,10 @@ class Structure:
         notes: what was assumed, for people.
     """
 
-    arm: tuple[UrdfJoint, ...]
+    arm: tuple[Joint, ...]
     palm: str
-    fingers: tuple[UrdfJoint, ...]
-    others: tuple[UrdfJoint, ...]
+    fingers: tuple[Joint, ...]
+    others: tuple[Joint, ...]
     notes: tuple[str, ...]
 
 
@@ -83,9 +83,9 @@ def find_structure(urdf: Urdf, file: Path, tip: str | None = None) -> Structure:
     return Structure(arm, palm, fingers, others, tuple(notes))
 
 
-def independent(joint: UrdfJoint) -> bool:
+def independent(joint: Joint) -> bool:
     """Whether a joint moves and mimics no other."""
-    return joint.kind in MOVING and joint.mimic is None
+    return joint.moves and joint.mimic is None
 
 
 class _Branches:
@@ -93,7 +93,7 @@ class _Branches:
 
     def __init__(self, urdf: Urdf):
         self.urdf = urdf
-        self._children: dict[str, list[UrdfJoint]] = {link: [] for link in urdf.hulls}
+        self._children: dict[str, list[Joint]] = {link: [] for link in urdf.hulls}
         for joint in urdf.tree.by_child.values():
             self._children.setdefault(joint.parent, []).append(joint)
 
@@ -101,15 +101,15 @@ class _Branches:
         """Number of independent joints above a link."""
         return sum(independent(joint) for joint in self.urdf.tree.path(link))
 
-    def branches(self, link: str) -> Iterator[UrdfJoint]:
+    def branches(self, link: str) -> Iterator[Joint]:
         """The nearest moving joints below a link."""
         for joint in self._children[link]:
-            if joint.kind in MOVING:
+            if joint.moves:
                 yield joint
             else:
                 yield from self.branches(joint.child)
 
-    def below(self, link: str) -> Iterator[UrdfJoint]:
+    def below(self, link: str) -> Iterator[Joint]:
         """All joints below a link."""
         for joint in self._children[link]:
             yield joint
@@ -117,13 +117,13 @@ class _Branches:
 
     def heads(self) -> list[str]:
         """The links that a moving joint carries directly."""
-        return [joint.child for joint in self.urdf.tree.by_child.values() if joint.kind in MOVING]
+        return [joint.child for joint in self.urdf.tree.by_child.values() if joint.moves]
 
     def rigid(self, link: str) -> Iterator[str]:
         """A link and all that are fixed to it, downwards."""
         yield link
         for joint in self._children[link]:
-            if joint.kind not in MOVING:
+            if not joint.moves:
                 yield from self.rigid(joint.child)
 
 
@@ -148,7 +148,7 @@ def _is_palm(tree: _Branches, link: str) -> bool:
     return max(counts) <= MAX_FINGER_JOINTS
 
 
-def _single_jaw(arm: tuple[UrdfJoint, ...]) -> UrdfJoint | None:
+def _single_jaw(arm: tuple[Joint, ...]) -> Joint | None:
     """The last joint of a chain if its name says that it closes a jaw."""
     last = arm[-1]
     named = f"{last.name} {last.child}".lower()
