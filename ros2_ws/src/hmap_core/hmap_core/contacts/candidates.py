@@ -8,6 +8,8 @@ import numpy as np
 from hmap_core.transforms import quaternions
 from hmap_core.types import AttachedBody, ContactKind, ContactPoint, Gripper
 
+# the grasp depth is reduced by at most this share of the tip length to keep the palm clear
+SHALLOWEST = 0.5
 # palm to fingertip centre: a tall object ends below it, m
 PALM_CLEARANCE = 0.039
 # distance left between fingertip and surface where they touch, m
@@ -28,6 +30,7 @@ class Hand:
         attached: the body in the fingers, which touches in their place.
         palm_clearance: from the palm to the fingertip centre, m.
         closed: opening of the closed gripper, m.
+        tip_radius: (V,) m, of a sphere round each vertex of the tip; 0.0 for none.
     """
 
     tip: np.ndarray
@@ -35,6 +38,7 @@ class Hand:
     attached: AttachedBody | None = None
     palm_clearance: float = PALM_CLEARANCE
     closed: float = 0.0
+    tip_radius: np.ndarray | float = 0.0
 
     def require_gripper(self) -> Gripper:
         """The gripper of a hand that grasps.
@@ -69,11 +73,13 @@ class Situation:
         T_world_obj: (7,) where the object is.
         T_world_next: (7,) where it is to go next; None when nothing is known of the motion.
         robot_position: (3,) the robot's base, world frame; None: any.
+        tilt: angle of the hand's z axis to straight down at which an arm with few joints works, rad; None: any.
     """
 
     T_world_obj: np.ndarray
     T_world_next: np.ndarray | None = None
     robot_position: np.ndarray | None = None
+    tilt: float | None = None
 
 
 @dataclass(frozen=True)
@@ -118,6 +124,20 @@ class Candidates:
         ]
 
 
+def clear_of_palm(above: np.ndarray, hand: Hand) -> tuple[np.ndarray, np.ndarray]:
+    """How much less deep grasps have to be for the object to end below the palm.
+
+    Args:
+        above: (N,) extent of the object from the middle between the pads towards the palm, m.
+        hand: its palm and fingers.
+
+    Returns:
+        Distance (N,) in m to draw back, and (N,) whether the fingers are long enough for it.
+    """
+    shallower = np.maximum(above - hand.palm_clearance, 0.0)
+    return shallower, shallower <= SHALLOWEST * hand.require_gripper().tip_offset
+
+
 def tangents(normals: np.ndarray, toward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Two unit tangents (N, 3) of unit normals (N, 3); the first as near to the direction ``toward`` (3,) as can be."""
     first = toward - normals * (normals @ toward)[:, None]
@@ -138,7 +158,7 @@ def frames(z: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def on_surface(
-    R: np.ndarray, points: np.ndarray, normals: np.ndarray, tip: np.ndarray
+    R: np.ndarray, points: np.ndarray, normals: np.ndarray, tip: np.ndarray, radius: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Slide fingers along the normals until they touch the tangent planes.
 
@@ -146,13 +166,14 @@ def on_surface(
         R: (N, 3, 3) orientation of the end-effector frame.
         points, normals: (N, 3) where to touch.
         tip: (V, 3) the finger's vertices, end-effector frame.
+        radius: (V,) of the spheres round them, m.
 
     Returns:
         origin (N, 3) of the end-effector frame, for which the foremost vertices lie CONTACT_GAP above the plane with
         their centre over the point; feature (N, V): which vertices those are.
     """
     inward = -np.einsum("nij,ni->nj", R, normals)  # -normal in the end-effector frame
-    ahead = inward @ tip.T
+    ahead = inward @ tip.T + radius
     foremost = ahead.max(axis=1)
     feature = ahead >= foremost[:, None] - FEATURE
     height = np.where(feature, tip[:, 2], -np.inf)

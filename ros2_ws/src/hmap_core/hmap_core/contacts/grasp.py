@@ -7,7 +7,7 @@ from numba import njit
 
 from hmap_core.contacts import scoring
 from hmap_core.contacts.camera import Cloud
-from hmap_core.contacts.candidates import Candidates, Hand, HandPoses, Situation, frames, tangents
+from hmap_core.contacts.candidates import Candidates, Hand, HandPoses, Situation, clear_of_palm, frames, tangents
 from hmap_core.contacts.solids import Solids, outward_normal, way_out
 from hmap_core.transforms import rotation_matrix
 from hmap_core.types import ContactKind
@@ -16,8 +16,6 @@ from hmap_core.types import ContactKind
 WIDTH_CLEARANCE = 5e-4
 # number of approach directions about the closing axis
 APPROACHES = 12
-# the grasp depth is reduced by at most this share of the tip length to keep the palm clear
-SHALLOWEST = 0.5
 # grasp depth beyond which the score does not increase, m
 DEEP = 0.01
 
@@ -61,9 +59,13 @@ def antipodal(cloud: Cloud, own: Solids, hand: Hand, friction: float) -> tuple[n
     """
     width, far = across(cloud.points, cloud.normals, *own.arrays)
     opposite = -np.einsum("ij,ij->i", far, cloud.normals) >= np.cos(np.arctan(friction))
+    return opposite & fits_between(width, hand), width
+
+
+def fits_between(width: np.ndarray, hand: Hand) -> np.ndarray:
+    """Whether widths (N,) in m are within the gripper's range."""
     gripper = hand.require_gripper()
-    fits = (width >= max(gripper.min_opening, 2 * WIDTH_CLEARANCE)) & (width <= gripper.max_opening - WIDTH_CLEARANCE)
-    return opposite & fits, width
+    return (width >= max(gripper.min_opening, 2 * WIDTH_CLEARANCE)) & (width <= gripper.max_opening - WIDTH_CLEARANCE)
 
 
 # surface points, the object's shapes, hand, friction -> whether a face lies opposite (N,), width (N,) in m
@@ -110,9 +112,7 @@ def grasps(
     R = frames(z, np.cross(y, z))
     middle = points - 0.5 * width[:, None] * normals
     above = depth_below(middle, np.ascontiguousarray(-z), *own.arrays)
-    over = above - hand.palm_clearance
-    shallower = np.maximum(over, 0.0)
-    keep = shallower <= SHALLOWEST * hand.require_gripper().tip_offset
+    shallower, keep = clear_of_palm(above, hand)
     origin = middle - z * shallower[:, None]
     score = (
         scoring.W_CENTRAL * scoring.central(middle, centre, radius)

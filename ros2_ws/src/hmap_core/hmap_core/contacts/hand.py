@@ -32,9 +32,10 @@ def hand_of(robot: Robot) -> Hand:
     arm, gripper = load_arm(model), model.gripper
     if model.attached is not None or gripper is None:
         tip = arm.finger_vertices(0.0)
-        return Hand(tip if len(tip) else arm.tip_vertices(), None, model.attached)
+        fingers = len(tip) > 0
+        return Hand(tip if fingers else arm.tip_vertices(), None, model.attached, tip_radius=arm.tip_radii(fingers))
     closed = gripper.min_opening
-    return Hand(arm.finger_vertices(closed), gripper, None, _palm(arm), closed)
+    return Hand(arm.finger_vertices(closed), gripper, None, _palm(arm), closed, arm.tip_radii(fingers=True))
 
 
 def _palm(arm: Arm) -> float:

@@ -86,11 +86,11 @@ def slide_twists(T0: np.ndarray, T1: np.ndarray, centre: np.ndarray) -> np.ndarr
     return np.array([[*(step[:2] + spin), angle], [*(last + spin), angle]])
 
 
-def _oriented(n: int, normals: np.ndarray, up: np.ndarray) -> np.ndarray:
+def _oriented(n: int, normals: np.ndarray, up: np.ndarray, leans: np.ndarray) -> np.ndarray:
     """Frames (n * K, 3, 3) for all K angles and rotations of the hand."""
-    lean = np.tile(np.repeat(LEANS, len(ROLLS)), n)
-    roll = np.tile(ROLLS, n * len(LEANS))
-    count = len(LEANS) * len(ROLLS)
+    lean = np.tile(np.repeat(leans, len(ROLLS)), n)
+    roll = np.tile(ROLLS, n * len(leans))
+    count = len(leans) * len(ROLLS)
     inward = -(normals - np.outer(normals @ up, up))
     inward = np.repeat(inward / np.linalg.norm(inward, axis=1)[:, None], count, axis=0)
     z = -np.cos(lean)[:, None] * up + np.sin(lean)[:, None] * inward
@@ -249,7 +249,7 @@ def pushes(
     sets = (
         _attached_poses(slide, cloud, twists, hand, rng)
         if hand.attached
-        else [_finger_poses(slide, cloud, twists, hand.tip)]
+        else [_finger_poses(slide, cloud, twists, hand, _leans(situation))]
     )
     found = []
     for points, R, origin, feature, tip, upright, index in sets:
@@ -291,15 +291,20 @@ def _overlaps(
     return (slide.top - low >= OVERLAP) & (high >= slide.lowest + OVERLAP)
 
 
-def _finger_poses(slide: SlidingBody, cloud: Cloud, twists: np.ndarray, tip: np.ndarray):
+def _leans(situation: Situation) -> np.ndarray:
+    """The angles LEANS of the fingers, and the one at which the arm works, towards and away from the face."""
+    return LEANS if situation.tilt is None else np.unique([*LEANS, situation.tilt, -situation.tilt])
+
+
+def _finger_poses(slide: SlidingBody, cloud: Cloud, twists: np.ndarray, hand: Hand, leans: np.ndarray):
     """Closed fingers at the points, and at every n-th point moved to balance the push."""
     own = np.r_[np.arange(len(cloud)), np.arange(len(cloud))[::BALANCED_EVERY]]
     points = np.concatenate([cloud.points, slide.balanced(cloud[::BALANCED_EVERY], twists).points])
-    R = _oriented(len(own), cloud.normals[own], slide.up)
+    R = _oriented(len(own), cloud.normals[own], slide.up, leans)
     turns = len(R) // len(own)
     points, index = np.repeat(points, turns, axis=0), np.repeat(own, turns)
-    origin, feature = on_surface(R, points, cloud.normals[index], tip)
-    return points, R, origin, feature, tip, np.zeros(len(R)), index
+    origin, feature = on_surface(R, points, cloud.normals[index], hand.tip, hand.tip_radius)
+    return points, R, origin, feature, hand.tip, np.zeros(len(R)), index
 
 
 def _attached_poses(slide: SlidingBody, cloud: Cloud, twists: np.ndarray, hand: Hand, rng: np.random.Generator):

@@ -62,7 +62,7 @@ def _finger_poses(cloud: Cloud, up: np.ndarray, hand: Hand, rng: np.random.Gener
     def placed_hand(chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         R = turned_frames(toward[chosen], lean[chosen], roll[chosen])
         touched = index[chosen]
-        return R, on_surface(R, cloud.points[touched], cloud.normals[touched], hand.tip)[0]
+        return R, on_surface(R, cloud.points[touched], cloud.normals[touched], hand.tip, hand.tip_radius)[0]
 
     return toward, index, scoring.W_STRAIGHT * np.cos(tilt), placed_hand
 

@@ -25,6 +25,9 @@ FINGER_TOLERANCE = 0.00005  # m, the same for links that touch objects
 SPAN_SAMPLES, SPAN_KEPT = 2048, 16  # configurations evaluated and kept in each round of the search for an arm's span
 SPAN_STEPS = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.0)  # step size of each round, relative to the joint ranges
 SPAN_TOLERANCE = 0.002  # m, added for the error of the search
+ALL_DIRECTIONS = 6  # mobility of a body that moves freely: three translations and three rotations
+MOBILITY_SAMPLES = 4  # random configurations; the rank of a Jacobian is smaller only where the arm is singular
+RANK_TOLERANCE = 1e-6  # relative to the largest singular value
 WIDENING_TOLERANCE = 0.05  # relative difference between the changes of finger gap and opening
 MAX_CACHED = 64  # number of arms with attached bodies in the cache
 
@@ -184,6 +187,22 @@ class Arm:
             _SPANS[key] = _span(self)
         return _SPANS[key]
 
+    @cached_property
+    def mobility(self) -> int:
+        """Rank of the Jacobian: 4 for a SCARA, ALL_DIRECTIONS for an arm that reaches every orientation.
+
+        Siciliano et al., "Robotics: Modelling, Planning and Control", 2009, section 3.1.
+        """
+        samples = np.random.default_rng(0).uniform(*self.model.position_limits, (MOBILITY_SAMPLES, self.n))
+        return max(int(np.linalg.matrix_rank(self._jacobian(q), rtol=RANK_TOLERANCE)) for q in samples)
+
+    def _jacobian(self, q: np.ndarray) -> np.ndarray:
+        """Linear and angular velocity (6, n) of the last frame per unit of joint velocity, base frame."""
+        R, p = self.frames(q)
+        axes, turning = R[1:, :, 2], (self.prismatic == 0)[:, None]
+        linear = np.where(turning, np.cross(axes, p[-1] - p[1:]), axes)
+        return np.concatenate([linear.T, np.where(turning, axes, 0.0).T])
+
     def finger_vertices(self, opening: float) -> np.ndarray:
         """Vertices (m, 3) of the finger links at an opening (m), end-effector frame; empty without gripper."""
         return self._in_end_effector([hull.at(opening) for hull in self.hulls if hull.finger])
@@ -201,6 +220,16 @@ class Arm:
     def tip_vertices(self) -> np.ndarray:
         """Vertices (m, 3) of all hulls on the last frame, in the end-effector frame."""
         return self._in_end_effector([hull.vertices for hull in self.hulls if hull.frame == self.n])
+
+    def tip_radii(self, fingers: bool) -> np.ndarray:
+        """Radii (m,) of spheres round vertices, m; 0 for what the simplification of hulls adds.
+
+        Args:
+            fingers: whether of the vertices of :meth:`finger_vertices`; else of :meth:`tip_vertices`.
+        """
+        own = [hull for hull in self.hulls if (hull.finger if fingers else hull.frame == self.n)]
+        each = [np.full(len(hull.vertices), hull.radius if hull.radius > FINGER_TOLERANCE else 0.0) for hull in own]
+        return np.concatenate([np.zeros(0), *each])
 
     def hand(self, opening: float) -> list[tuple[np.ndarray, float]]:
         """The hulls on the last frame, at an opening (m).

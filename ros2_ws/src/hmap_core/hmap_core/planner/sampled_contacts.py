@@ -7,12 +7,16 @@ import numpy as np
 from hmap_core.contacts.access import accessible
 from hmap_core.contacts.camera import Cloud, visible_points
 from hmap_core.contacts.candidates import Situation
+from hmap_core.contacts.free_rotation import reached_frames
 from hmap_core.contacts.grasp_torque import pad_balance, push_torque_ratio
 from hmap_core.contacts.hand import align_pads, drop_unfit_grasps, hand_of
 from hmap_core.contacts.sampler import sample_contacts
 from hmap_core.contacts.solids import solids
+from hmap_core.kinematics.arm import ALL_DIRECTIONS, load_arm
+from hmap_core.komo.manipulation import Manipulation
 from hmap_core.planner.protocols import ContactProposals, ContactQuery
-from hmap_core.types import Body, ContactPoint, Scene, SceneState, TaskMode
+from hmap_core.transforms import multiply, rotation_matrix
+from hmap_core.types import Body, ContactPoint, Robot, Scene, SceneState, TaskMode
 
 SURFACE_POINTS = 600  # samples of the object's surface
 BATCH = 240  # contacts in a batch
@@ -42,7 +46,8 @@ class SampledContacts:
         room = ACCESS if hand.gripper is None else hand.gripper.pad_half_width
         surface = surface[accessible(surface, poses[0], around, room)]
         ahead = poses[1] if len(poses) > 1 else None
-        situation = Situation(poses[0], ahead, placed.base_pose[:3])
+        limited = load_arm(placed.model).mobility < ALL_DIRECTIONS
+        situation = Situation(poses[0], ahead, placed.base_pose[:3], _tilt(placed) if limited else None)
         body, total = scene.bodies[query.object], 0
         sources = (query.cloud, False), (surface[surface.seen], False), (surface[~surface.seen], False), (surface, True)
         for points, spanning in sources:
@@ -50,6 +55,9 @@ class SampledContacts:
                 continue
             for batch in sample_contacts(body, points, hand, scene.mode, situation, query.rng, BATCH, spanning):
                 total += len(batch)
+                if limited:
+                    manipulation = Manipulation(scene, query.state, query.robot, query.object)
+                    batch = reached_frames(manipulation, body, hand, batch, poses, query.rng)
                 yield ContactProposals(tuple(self._sound(query, batch)))
                 if total >= MAX_CONTACTS:
                     break
@@ -66,6 +74,12 @@ class SampledContacts:
             batch = [c for c, share in zip(batch, even, strict=True) if share >= PAD_BALANCE]
             return drop_unfit_grasps(body, align_pads(batch, hand.gripper), placed)
         return batch
+
+
+def _tilt(robot: Robot) -> float:
+    """Angle (rad) of the hand's z axis to straight down with the robot at home."""
+    T_world_ee = multiply(robot.base_pose, load_arm(robot.model).end_effector(robot.model.home))
+    return float(np.arccos(np.clip(-rotation_matrix(T_world_ee)[2, 2], -1.0, 1.0)))
 
 
 def sampled_surface(scene: Scene, state: SceneState, object: str, T_world_obj: np.ndarray, rng) -> Cloud:

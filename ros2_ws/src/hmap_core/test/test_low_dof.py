@@ -1,0 +1,137 @@
+"""Robots with fewer than six joints: which frames of a contact they reach, and what they push, pick and place."""
+
+import numpy as np
+import pytest
+from low_dof_fixtures import write_robot, write_task
+
+from hmap_core import plan_file
+from hmap_core.contacts.candidates import CONTACT_GAP, on_surface
+from hmap_core.contacts.feasibility import reachable
+from hmap_core.contacts.grasp_axis import turned_grasps
+from hmap_core.contacts.hand import hand_of
+from hmap_core.contacts.solids import solids
+from hmap_core.kinematics.arm import ALL_DIRECTIONS, load_arm
+from hmap_core.komo.manipulation import Manipulation
+from hmap_core.planner import plan
+from hmap_core.planner.protocols import ContactQuery
+from hmap_core.planner.sampled_contacts import SampledContacts
+from hmap_core.scenes import load_robot_model, load_scene
+from hmap_core.simulation.execute import execute
+from hmap_core.transforms import IDENTITY, apply, from_matrix, interpolate, rotation_matrix
+from hmap_core.types import ContactKind, ContactPoint, Scene, SegmentKind, Shape, ShapeKind
+from hmap_core.validation import check
+
+SEEDS = (0, 1, 2)
+OFF = 1e-4  # m that a hand may be off a surface
+
+
+def scene_of(tmp_path, task: str, robot: str, seed: int = 0) -> Scene:
+    return load_scene(str(write_task(tmp_path, task, robot)), seed=seed)
+
+
+def straight(scene: Scene, count: int = 8) -> np.ndarray:
+    """Poses (count, 7) of the object straight to its goal."""
+    return interpolate(scene.bodies[scene.goal.object].pose, scene.goal.pose, np.linspace(0.0, 1.0, count))
+
+
+def sampled(scene: Scene, poses: np.ndarray) -> list[ContactPoint]:
+    query = ContactQuery(scene, scene.start_state(), scene.goal.object, poses, "arm", np.random.default_rng(0))
+    return list(next(iter(SampledContacts().propose(query))).contacts)
+
+
+@pytest.mark.parametrize(("robot", "directions"), [("disc", 4), ("scara", 4), ("five", 5)])
+def test_the_mobility_of_an_arm_is_the_rank_of_its_jacobian(tmp_path, robot, directions):
+    assert load_arm(load_robot_model(str(write_robot(tmp_path, robot)))).mobility == directions
+
+
+def test_an_arm_with_seven_joints_reaches_every_orientation():
+    assert load_arm(load_robot_model("panda")).mobility == ALL_DIRECTIONS
+
+
+@pytest.mark.parametrize(
+    ("task", "robot"), [("puck", "disc"), ("puck", "stick"), ("puck", "five"), ("brick", "scara"), ("brick", "five")]
+)
+def test_sampled_contacts_are_within_the_mobility_of_the_arm(tmp_path, task, robot):
+    """Each frame is reached at the start; the part of it that the contact constrains is kept."""
+    scene = scene_of(tmp_path, task, robot)
+    poses = straight(scene)
+    contacts = sampled(scene, poses)
+    assert len(contacts) >= 10
+    manipulation = Manipulation(scene, scene.start_state(), "arm", scene.goal.object)
+    ok, _ = reachable(manipulation, contacts, poses[0], np.random.default_rng(0))
+    assert ok.sum() >= 10
+    hand = hand_of(scene.robots["arm"])
+    for contact in contacts:
+        R = rotation_matrix(contact.T_obj_ee)
+        if contact.kind == ContactKind.GRASP:
+            assert abs(R[:, 1] @ contact.normal) == pytest.approx(1.0, abs=1e-6)
+            middle = contact.point - 0.5 * contact.opening * contact.normal
+            beside = np.cross(middle - contact.T_obj_ee[:3], R[:, 2])
+            assert np.linalg.norm(beside) < OFF
+        else:
+            heights = (apply(contact.T_obj_ee, hand.tip) - contact.point) @ contact.normal - hand.tip_radius
+            assert -1e-6 < heights.min() < CONTACT_GAP + OFF
+            assert R @ contact.approach @ contact.normal < 0.0
+
+
+def test_a_round_tip_touches_with_its_surface():
+    R, point, normal = np.eye(3)[None], np.array([[0.1, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]])
+    origin, feature = on_surface(R, point, normal, np.zeros((1, 3)), np.array([0.02]))
+    np.testing.assert_allclose(origin[0], [0.1, 0.02 + CONTACT_GAP, 0.0])
+    assert feature.all()
+
+
+def test_the_tip_of_a_stick_is_round(tmp_path):
+    hand = hand_of(scene_of(tmp_path, "puck", "stick").robots["arm"])
+    assert np.max(hand.tip_radius) == pytest.approx(0.012)
+
+
+@pytest.mark.parametrize(
+    ("shape", "turns"),
+    [(Shape(ShapeKind.SPHERE, (0.02,)), True), (Shape(ShapeKind.BOX, (0.04, 0.04, 0.04)), False)],
+)
+def test_what_is_round_is_gripped_about_another_axis(tmp_path, shape, turns):
+    hand = hand_of(scene_of(tmp_path, "brick", "scara").robots["arm"])
+    grasp = ContactPoint(ContactKind.GRASP, IDENTITY, np.array([0.0, 0.02, 0.0]), np.eye(3)[1], 0.04, np.eye(3)[2])
+    turn = np.eye(4)
+    turn[:2, :2] = [[0.8, -0.6], [0.6, 0.8]]
+    everywhere = lambda points: np.ones(len(points), bool)  # noqa: E731
+    (found,) = turned_grasps([grasp], turn[None, :3, :3], solids([(shape, IDENTITY)]), hand, everywhere)
+    if not turns:
+        assert found is grasp
+        return
+    np.testing.assert_allclose(found.T_obj_ee, from_matrix(turn), atol=1e-9)
+    np.testing.assert_allclose(found.normal, turn[:3, 1], atol=1e-9)
+    np.testing.assert_allclose(found.point, 0.02 * turn[:3, 1], atol=1e-6)
+    assert found.opening == pytest.approx(0.04, abs=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("robot", ["disc", "stick", "scara", "five"])
+def test_a_puck_is_carried_round_a_wall(tmp_path, robot, seed):
+    """A kinematic task, which is judged and not executed."""
+    made = plan(scene_of(tmp_path, "puck", robot, seed), seed=seed)
+    assert check(plan_file.to_dict(made)).valid
+    assert any(segment.kind == SegmentKind.TOUCH for segment in made.segments)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize(
+    ("task", "robot", "kind"),
+    [
+        ("crate", "paddle", SegmentKind.PUSH),
+        ("crate", "scara", SegmentKind.PUSH),
+        ("crate", "five", SegmentKind.PUSH),
+        ("brick", "scara", SegmentKind.GRASP),
+        ("brick", "five", SegmentKind.GRASP),
+    ],
+)
+def test_a_robot_with_few_joints_pushes_picks_and_places(tmp_path, task, robot, kind, seed):
+    """Planned, judged valid, and executed under dynamics."""
+    made = plan(scene_of(tmp_path, task, robot, seed), seed=seed)
+    assert check(plan_file.to_dict(made)).valid
+    assert any(segment.kind == kind for segment in made.segments)
+    report = execute(made)
+    assert report.solved, report.reason
