@@ -24,7 +24,7 @@ from hmap_core.planner.object_path import BidirectionalSearch
 from hmap_core.scenes import load_scene
 from hmap_core.transforms import from_rpy, multiply, pose
 from hmap_core.types import Body, BodyKind, Shape, ShapeKind
-from hmap_core.waypoints import ObjectPathProblem, plan_waypoints
+from hmap_core.waypoints import NoObjectPath, ObjectPathProblem, plan_waypoints
 
 TIME_LIMIT = 1200.0  # s for each job; compiling is slow on a busy machine
 TASKS = ("published/tunnel", "tunnel")  # one kinematic, one physical
@@ -48,6 +48,24 @@ def _spatial_path() -> None:
         brick, pose((0, 0, 0.5)), from_rpy((0.6, 0, 0.5), (0.5, 0.5, 1.0)), (wall, ball, post), "spatial"
     )
     plan_waypoints(problem, np.random.default_rng(0), TIME_LIMIT)
+
+
+def _many_parts() -> None:
+    """A path between so many shapes that their near pairs are found with trees, and one that no search finds."""
+    cells = [(0.0, 0.1 * y, 0.1 * z) for y in range(-5, 6) for z in range(-5, 6) if max(abs(y), abs(z)) > 1]
+    wall = Body("wall", BodyKind.FIXED, tuple(Shape(ShapeKind.BOX, (0.05, 0.1, 0.1), pose(c)) for c in cells), pose())
+    rod = tuple(Shape(ShapeKind.BOX, (0.05, 0.05, 0.05), pose((0.05 * k, 0, 0))) for k in range(6))
+    body = Body("rod", BodyKind.MOVABLE, rod, pose(), 0.1)
+    for width in (0.0, 2.0):  # m, of a lid on the window
+        lid = Body(
+            "lid", BodyKind.FIXED, (Shape(ShapeKind.BOX, (0.01, width + 0.01, 9.0)),), pose((0.0, 5.0 - width, 0))
+        )
+        ends = pose((-0.5, 0.2, 0.2)), from_rpy((0.5, -0.2, 0.1), (0.5, 0.5, 1.0))
+        problem = ObjectPathProblem(body, *ends, (wall, lid), "spatial")
+        try:
+            plan_waypoints(problem, np.random.default_rng(0), TIME_LIMIT, 500)
+        except NoObjectPath:
+            pass
 
 
 def _motions() -> None:
@@ -75,6 +93,7 @@ def main() -> int:
     tasks = [(task, lambda task=task: HmapPlanner().plan(load_scene(task), time_limit=TIME_LIMIT)) for task in TASKS]
     jobs: list[tuple[str, Callable[[], object]]] = [
         ("a path in space", _spatial_path),
+        ("a path among many parts", _many_parts),
         ("paths on a support", _planar_paths),
         *tasks,
         ("motions from skeletons", _motions),

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numba as nb
 import numpy as np
@@ -38,7 +39,7 @@ class ConvexSet:
     radius: np.ndarray
     center: np.ndarray
     bound: np.ndarray
-    edges: tuple[np.ndarray, ...]
+    edges: Sequence[np.ndarray]
 
     def __len__(self) -> int:
         return len(self.radius)
@@ -86,13 +87,56 @@ def bounding_sphere(points: np.ndarray) -> tuple[np.ndarray, float]:
     The iteration is that of Badoiu and Clarkson, "Smaller core-sets for balls", 2003; the final radius is exact for its
     centre, so the sphere always contains all points.
     """
-    center = (points.min(0) + points.max(0)) / 2
+    return _bounding_sphere(np.ascontiguousarray(points, float))
+
+
+@nb.njit(**OPTIONS)
+def _farthest(points, center):
+    """Index of the point (n, 3) farthest from the centre (3,), and its distance."""
+    at, best = 0, -1.0
+    for i in range(len(points)):
+        x, y, z = points[i, 0] - center[0], points[i, 1] - center[1], points[i, 2] - center[2]
+        d = np.sqrt(x * x + y * y + z * z)
+        if d > best:
+            at, best = i, d
+    return at, best
+
+
+@nb.njit(**OPTIONS)
+def _bounding_sphere(points):
+    fallback, center = np.empty(3), np.empty(3)
+    for x in range(3):
+        fallback[x] = center[x] = (points[:, x].min() + points[:, x].max()) / 2
     for k in range(60):
-        distance = np.linalg.norm(points - center, axis=1)
-        center = center + (points[distance.argmax()] - center) / (k + 2)
-    fallback = (points.min(0) + points.max(0)) / 2
-    radius, other = (np.linalg.norm(points - c, axis=1).max() for c in (center, fallback))
+        at, _ = _farthest(points, center)
+        for x in range(3):
+            center[x] = center[x] + (points[at, x] - center[x]) / (k + 2)
+    radius, other = _farthest(points, center)[1], _farthest(points, fallback)[1]
     return (center, radius) if radius < other else (fallback, other)
+
+
+class HullEdges(Sequence):
+    """The edges of some hulls, see :mod:`hmap_core.collision.edges`; those of a hull are found when first asked for.
+
+    Args:
+        hulls: vertices (n, 3) of each.
+    """
+
+    def __init__(self, hulls: Sequence[np.ndarray]):
+        self._hulls = hulls
+        self._found: dict[int, np.ndarray] = {}
+
+    def __len__(self) -> int:
+        return len(self._hulls)
+
+    def __getitem__(self, s: Any) -> Any:
+        if isinstance(s, slice):
+            return tuple(self[k] for k in range(*s.indices(len(self))))
+        if not 0 <= s < len(self._hulls):
+            raise IndexError(s)
+        if s not in self._found:
+            self._found[s] = hull_edges(self._hulls[s])
+        return self._found[s]
 
 
 def from_hulls(hulls: Sequence[tuple[np.ndarray, float]]) -> ConvexSet:
@@ -112,7 +156,7 @@ def from_hulls(hulls: Sequence[tuple[np.ndarray, float]]) -> ConvexSet:
         radius,
         np.array([c for c, _ in spheres]),
         np.array([b for _, b in spheres]) + radius,
-        tuple(hull_edges(points) for points, _ in hulls),
+        HullEdges([points for points, _ in hulls]),
     )
 
 

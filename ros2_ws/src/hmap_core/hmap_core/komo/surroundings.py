@@ -7,12 +7,16 @@ import numpy as np
 
 from hmap_core.collision.convex import ConvexSet, from_hulls, sets_nearest, transformed
 from hmap_core.collision.grown import BaseModel
-from hmap_core.collision.scene_model import CollisionModel
+from hmap_core.collision.scene_model import ALL_PHASES, CollisionModel
 from hmap_core.kinematics.model import KinematicModel
 from hmap_core.komo.min_distances import ROBOT_CLEARANCE, SELF_CLEARANCE
 from hmap_core.komo.shapes import posed_links
 from hmap_core.transforms import apply
 from hmap_core.types import Robot, Scene, SceneState
+
+# what is farther than this beyond the reach of a link is no pair with it, m: no clearance, detection distance and
+# look-ahead together are as much
+BEYOND_REACH = 0.2
 
 # The openings of the moving robots' grippers: robot, then each opening (m) with the bit mask of its phases.
 Openings = tuple[tuple[str, tuple[tuple[float, int], ...]], ...]
@@ -101,14 +105,37 @@ def collect(
     for name, variants in openings:
         fingers[name], linkages[name] = _add_gripper(model, chain, name, arms[name], variants)
         arm, parts = arms[name], fingers[name] + linkages[name]
-        model.keep_apart(arm.upper + arm.hand, around, ROBOT_CLEARANCE)
-        for part in parts:
-            model.keep_apart(part.shapes, around, ROBOT_CLEARANCE, part.phases)
+        for phases, shapes in ((ALL_PHASES, arm.upper + arm.hand), *((part.phases, part.shapes) for part in parts)):
+            for shape, near in zip(shapes, _within_reach(model, chain, name, shapes, around), strict=True):
+                model.keep_apart([shape], near, ROBOT_CLEARANCE, phases)
         for other, others in grippers.items():
             _keep_robots_apart(model, arm, parts, arms[other], others)
         grippers[name] = parts
     owner = np.repeat(np.arange(len(standing)), [len(shapes) for shapes in standing.values()])
     return Surroundings(model, arms, fingers, linkages, standing, hull_set([model.hulls[s] for s in around]), owner)
+
+
+def _within_reach(
+    model: CollisionModel, chain: KinematicModel, name: str, shapes: Sequence[int], around: Sequence[int]
+) -> list[list[int]]:
+    """For each of some shapes of an arm those of ``around`` that it can come near, wherever the joints are."""
+    if not around or not shapes:
+        return [[] for _ in shapes]
+    placed = chain.arms[name]
+    arm = placed.arm
+    step = np.linalg.norm(arm.p_joint, axis=1) + arm.stroke
+    step[0] -= np.linalg.norm(arm.p_joint[0])  # measured from the origin of the first joint
+    to_frame = np.concatenate([[0.0], np.cumsum(step)])  # bound (n + 1,) on the distance of each frame's origin
+    first = apply(placed.T_world_base, arm.p_joint[0])
+    centers = np.array([model.hulls[s][2] for s in around])
+    away = np.linalg.norm(centers - first, axis=1) - np.array([model.hulls[s][3] for s in around])
+    numbers, offset = np.array(around), chain.frame(name, 1) - 1
+    near = []
+    for s in shapes:
+        _, _, center, bound, _ = model.hulls[s]
+        reach = to_frame[model.frames[s] - offset] + float(np.linalg.norm(center)) + bound
+        near.append(numbers[away <= reach + BEYOND_REACH].tolist())
+    return near
 
 
 def _keep_robots_apart(

@@ -14,6 +14,7 @@ from hmap_core.transforms import IDENTITY
 from hmap_core.types import Body, BodyKind, Scene, TaskMode
 from hmap_core.waypoints import DEFAULT_MIN_DISTANCE, NoObjectPath, ObjectPath, ObjectPathProblem, plan_waypoints
 from hmap_core.waypoints.checker import Geometry, ObjectChecker
+from hmap_core.waypoints.search_budget import SearchBudget
 
 # problem, generator, time limit (s), largest number of checked motions -> path
 Search = Callable[[ObjectPathProblem, np.random.Generator, float, float], ObjectPath]
@@ -37,6 +38,7 @@ class BidirectionalSearch:
             NoObjectPath: there is no path.
             InputError: start or goal is invalid.
         """
+        budget = SearchBudget(query.time_limit)
         problem = object_path_problem(query)
         rng = np.random.default_rng(query.seed)
         path = self._search(problem, rng, query.time_limit, query.max_checks)
@@ -45,7 +47,7 @@ class BidirectionalSearch:
             return path
         problem = replace(problem, obstacles=(*problem.obstacles, *around))
         try:
-            return self._search(problem, rng, query.time_limit, query.max_checks)
+            return self._search(problem, rng, max(budget.seconds, 0.0), query.max_checks)
         except NoObjectPath:  # the boxes are larger than the links inside them
             return path
 

@@ -53,7 +53,7 @@ def fewest_removals(
         The bodies to remove, and a path without them. As far as the searches can tell, none of the bodies can stay.
     """
     best = _RemovalSearch(problem, needed, rng, budget, make_space).search(found)
-    checker = checker_like(best.corners, problem.without(frozenset(best.names)))
+    checker = checker_like(best.corners, problem.without(frozenset(best.names)), budget.clock_deadline)
     return Removal(best.names, Corners(best.corners.poses, checker, best.corners.middle))
 
 
@@ -103,13 +103,13 @@ class _RemovalSearch:
 
     def _without(self, gone: frozenset[str]) -> Removal | None:
         """The path that a search with these bodies removed, and all others in place, finds."""
-        search = ObjectSearch(self.problem.without(gone), self.make_space)
+        search = ObjectSearch(self.problem.without(gone), self.make_space, deadline=self.budget.clock_deadline)
         corners = search.rounds(self.rng, self.budget, ROUNDS_PER_BODY)
         return None if corners is None else self._removal(corners)
 
     def _detour(self, corners: Corners, gone: frozenset[str]) -> Removal | None:
         """A short search for a detour around the obstacles that a path hits if only the bodies ``gone`` are removed."""
-        checker = checker_like(corners, self.problem.without(gone))
+        checker = checker_like(corners, self.problem.without(gone), self.budget.clock_deadline)
         dense, _ = resample(corners.poses)
         free = np.array([checker.motion_free(a, b) for a, b in zip(dense[:-1], dense[1:], strict=True)])
         if free.all():
@@ -143,7 +143,14 @@ def removables_hit(problem: ObjectPathProblem, found: Corners, needed: frozenset
     return tuple(dict.fromkeys([*hit, *sorted(needed)]))
 
 
-def checker_like(found: Corners, problem: ObjectPathProblem) -> ObjectChecker:
-    """Make a checker for the obstacles of ``problem`` with the motion type, minimum distance and frame of a path."""
+def checker_like(found: Corners, problem: ObjectPathProblem, deadline: float = np.inf) -> ObjectChecker:
+    """Make a checker for the obstacles of ``problem`` with the motion type, minimum distance and frame of a path.
+
+    Args:
+        found: the path.
+        problem: with the obstacles.
+        deadline: when its checks end, in seconds of ``clock.now``.
+    """
     central = recentred(problem, found.middle)
-    return ObjectChecker(central, Geometry(central), found.checker.planar, found.checker.min_distance)
+    geometry = Geometry(central, deadline=deadline)
+    return ObjectChecker(central, geometry, found.checker.planar, found.checker.min_distance)

@@ -3,15 +3,17 @@
 import math
 from copy import copy
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
+from hmap_core.collision.bvh import Tree, build_tree
 from hmap_core.collision.convex import ConvexSet, hull_vertices
 from hmap_core.exceptions import Code, InputError
 from hmap_core.komo.shapes import body_set
 from hmap_core.transforms import apply, inverse, multiply, pose, rotation_matrix
 from hmap_core.types import Body
-from hmap_core.waypoints import kernels
+from hmap_core.waypoints import clock, kernels, tree_kernels
 from hmap_core.waypoints.problem import ObjectPathProblem
 from hmap_core.waypoints.support import Support, feet
 
@@ -23,12 +25,20 @@ SUPPORT_TOLERANCE = 1e-3
 CONTACT_SLACK = 1e-5
 # distances are computed up to this, m
 CLEARANCE_CAP = 0.25
+# pairs of shapes from which on trees find the near ones; for fewer, all pairs are compared
+MANY_PAIRS = 64
+# shapes of a body from which on all its vertices are moved at once
+_MANY_SHAPES = 32
+# a distance beyond the minimum distance that the ends' distances need to be known up to, m
+_END_RANGE = 0.02
 # frames with a smaller distance are the same, m
 SAME_PLACE = 1e-9
 # arrays of a body without support
 _NO_SUPPORT = (
     np.zeros(7), 0.0, np.zeros(2), np.zeros((0, 2)), np.zeros(1, np.int64), np.zeros((0, 2)), np.zeros(1, np.int64),
+    np.zeros((0, 2)), np.zeros((0, 4)),
 )  # fmt: skip
+_NO_TREES = (build_tree(np.zeros((0, 3)), np.zeros((0, 3))),) * 2
 
 
 class ObstacleShapes:
@@ -46,37 +56,87 @@ class ObstacleShapes:
         self.hulls, self.owner = hulls, owner
         self.vertices = np.ascontiguousarray(np.concatenate([h for h, _ in hulls])) if hulls else np.zeros((0, 3))
         self.start = np.concatenate([[0], np.cumsum([len(h) for h, _ in hulls])]).astype(np.int64)
-        self.radius = np.array([r for _, r in hulls])
-        self.lower = np.array([h.min(0) - r for h, r in hulls]).reshape(-1, 3)
-        self.upper = np.array([h.max(0) + r for h, r in hulls]).reshape(-1, 3)
+        self.radius = np.array([r for _, r in hulls], float)
+        self.lower, self.upper = _boxes(self.vertices, self.start, self.radius)
         self.arrays = (self.vertices, self.start, self.radius, self.lower, self.upper)
+
+    @cached_property
+    def tree(self) -> Tree:
+        """The tree of their bounding boxes."""
+        return build_tree(self.lower, self.upper)
 
     @classmethod
     def of(cls, bodies: tuple[Body, ...]) -> "ObstacleShapes":
         """The shapes of bodies at their poses."""
-        hulls, owner = [], []
+        hulls: list[tuple[np.ndarray, float]] = []
+        owner: list[str] = []
         for body in bodies:
-            for shape in body.shapes:
-                vertices, radius = hull_vertices(shape)
-                hulls.append((apply(body.pose, vertices), radius))
-                owner.append(body.name)
+            own = body_set(body)
+            if len(own) < _MANY_SHAPES:
+                placed = [apply(body.pose, own.hull(k)) for k in range(len(own))]
+            else:
+                placed = np.split(apply(body.pose, own.vertices), own.start[1:-1])
+            hulls += zip(placed, own.radius.tolist(), strict=True)
+            owner += [body.name] * len(own)
         return cls(hulls, owner)
 
     def kept(self, keep: np.ndarray) -> "ObstacleShapes":
         """The shapes for which ``keep`` (SB,) is true."""
+        if keep.all():
+            return self
         chosen = np.flatnonzero(keep)
         return ObstacleShapes([self.hulls[k] for k in chosen], [self.owner[k] for k in chosen])
 
 
-class Geometry:
-    """The shapes of a problem: the body's in its own frame, the obstacles' in the world frame."""
+def _boxes(vertices: np.ndarray, start: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corners (S, 3) of the bounding boxes of swept hulls, given as in a ``ConvexSet``."""
+    if len(radius) == 0:
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    lower, upper = (f.reduceat(vertices, start[:-1]) for f in (np.minimum, np.maximum))
+    return lower - radius[:, None], upper + radius[:, None]
 
-    def __init__(self, problem: ObjectPathProblem):
+
+class Geometry:
+    """The shapes of a problem: the body's in its own frame, the obstacles' in the world frame.
+
+    Args:
+        problem: the problem.
+        obstacles: the shapes of its obstacles, if they are known.
+        deadline: when checks end, in seconds of ``clock.now``; what was not checked in time counts as blocked.
+    """
+
+    def __init__(self, problem: ObjectPathProblem, obstacles: ObstacleShapes | None = None, deadline: float = math.inf):
         self.body: ConvexSet = body_set(problem.body)
         self.body_arrays = (
             self.body.vertices, self.body.start, self.body.radius, self.body.center, self.body.bound,
         )  # fmt: skip
-        self.obstacles = ObstacleShapes.of(problem.obstacles)
+        self.obstacles = ObstacleShapes.of(problem.obstacles) if obstacles is None else obstacles
+        self.deadline = deadline
+
+    @cached_property
+    def body_tree(self) -> Tree:
+        """The tree of the bounding boxes of the body's shapes, in its frame."""
+        return build_tree(*_boxes(self.body.vertices, self.body.start, self.body.radius))
+
+    def many(self, obstacles: ObstacleShapes) -> bool:
+        """Whether the body and some obstacle shapes have so many pairs that checks use trees."""
+        return len(self.body) * len(obstacles.radius) > MANY_PAIRS
+
+    def distances(self, T: np.ndarray, obstacles: ObstacleShapes, cap: float, deadline: float = math.inf) -> np.ndarray:
+        """Signed distances (SB,) in m from the body at pose T (7,) to obstacle shapes, at most ``cap``.
+
+        After the deadline (s) they are ``-inf``.
+        """
+        out = np.empty(len(obstacles.radius))
+        T = np.asarray(T, float)
+        if not self.many(obstacles):
+            kernels.distances(T, *self.body_arrays, *obstacles.arrays, cap, out)
+        elif not tree_kernels.distances(
+            T, (*self.body_arrays, *obstacles.arrays), (self.body_tree, obstacles.tree), cap, out, deadline,
+            tree_kernels.new_scratch(),
+        ):  # fmt: skip
+            out[:] = -math.inf
+        return out
 
 
 class ObjectChecker:
@@ -96,8 +156,9 @@ class ObjectChecker:
     def __init__(self, problem: ObjectPathProblem, geometry: Geometry, planar: bool, min_distance: float):
         self.planar = planar
         self.body = geometry.body
-        reach = [np.linalg.norm(self.body.hull(k), axis=1).max() + self.body.radius[k] for k in range(len(self.body))]
-        self.radius = float(max(reach))  # m, of the body about the origin of its frame
+        reach = np.maximum.reduceat(np.linalg.norm(self.body.vertices, axis=1), self.body.start[:-1])
+        self.radius = float((reach + self.body.radius).max())  # m, of the body about the origin of its frame
+        self._geometry = geometry
         self._a = geometry.body_arrays
         everything = geometry.obstacles
         self.support = None
@@ -113,7 +174,11 @@ class ObjectChecker:
             shapes = everything.kept(~below)
         self.obstacles = shapes
         self._b = shapes.arrays
-        self._ends = np.array([self.distances(problem.start), self.distances(problem.goal)])
+        many = geometry.many(shapes)
+        self._trees = (geometry.body_tree, shapes.tree) if many else _NO_TREES
+        self._scratch = tree_kernels.new_scratch() if many else None
+        self._range = min(CLEARANCE_CAP, min_distance + _END_RANGE) if many else CLEARANCE_CAP
+        self._ends = np.array([geometry.distances(T, shapes, self._range) for T in (problem.start, problem.goal)])
         self._no_extra = np.zeros(len(self.owners))
         self.checks = 0  # number of checked motions
         self._keep(min_distance)
@@ -135,30 +200,75 @@ class ObjectChecker:
 
     @property
     def arrays(self) -> tuple:
-        """The arguments of the compiled searches: shapes, required and extra distances, support, ``blocked``."""
+        """The arguments of the compiled searches: shapes, trees, required and extra distances, support, ``blocked``.
+
+        The trees have no nodes if there are few pairs. The last one is the deadline.
+        """
         support = _NO_SUPPORT if self.support is None else self.support.arrays
-        return (*self._a, *self._b), self.required, self._no_extra, (self.support is not None, *support), self.blocked
+        held = (self.support is not None, *support)
+        return self._shapes, self._trees, self.required, self._no_extra, held, self.blocked, self._geometry.deadline
+
+    @property
+    def deadline(self) -> float:
+        """When checks end, in seconds of ``clock.now``; motions that were not checked in time count as blocked."""
+        return self._geometry.deadline
+
+    @property
+    def late(self) -> bool:
+        """Whether the deadline is over."""
+        return self.deadline < math.inf and clock.now() >= self.deadline
+
+    def allow_until(self, deadline: float) -> None:
+        """Move the deadline to a later one, in seconds of ``clock.now``."""
+        self._geometry.deadline = max(self._geometry.deadline, deadline)
+
+    @property
+    def _shapes(self) -> tuple:
+        return (*self._a, *self._b)
 
     @property
     def owners(self) -> list[str]:
         """The name of each obstacle shape's body, (SB,)."""
         return self.obstacles.owner
 
-    def distances(self, T: np.ndarray, cap: float = CLEARANCE_CAP) -> np.ndarray:
-        """Signed distances (SB,) in m from the body at pose T (7,) to the obstacle shapes, at most ``cap``."""
-        out = np.empty(len(self.obstacles.radius))
-        kernels.distances(np.asarray(T, float), *self._a, *self._b, cap, out)
-        return out
+    def distances(self, T: np.ndarray) -> np.ndarray:
+        """Signed distances (SB,) in m from the body at pose T (7,) to the obstacle shapes.
+
+        They are capped, at CLEARANCE_CAP, or sooner if there are many pairs; after the deadline they are ``-inf``.
+        """
+        return self._geometry.distances(T, self.obstacles, self._range, self._geometry.deadline)
 
     def clearances(self, poses: np.ndarray) -> np.ndarray:
-        """Distances (M,) in m at poses (M, 7) to the shapes not touched at start or goal; at most CLEARANCE_CAP."""
-        return kernels.clearances(poses, *self._a, *self._b, ~self.contact, CLEARANCE_CAP)
+        """Distances (M,) in m at poses (M, 7) to the shapes not touched at start or goal; at most CLEARANCE_CAP.
+
+        Among many pairs, poses that come after the deadline have the minimum distance.
+        """
+        if self._scratch is None:
+            return kernels.clearances(poses, *self._a, *self._b, ~self.contact, CLEARANCE_CAP)
+        return tree_kernels.clearances(
+            poses, self._shapes, self._trees, ~self.contact, CLEARANCE_CAP, self.min_distance,
+            self.deadline, self._scratch,
+        )  # fmt: skip
 
     def pose_free(self, T: np.ndarray) -> bool:
         """Whether the body at pose T (7,) is free of collisions and supported."""
-        if kernels.blocking(T, *self._a, *self._b, self.required, self._no_extra) >= 0:
+        if self._blocking(np.asarray(T, float)) != -1:
             return False
         return self.support is None or self.support.is_stable(T)
+
+    def _blocking(self, T: np.ndarray) -> int:
+        if self._scratch is None:
+            return kernels.blocking(T, *self._a, *self._b, self.required, self._no_extra)
+        return tree_kernels.blocking(
+            T, self._shapes, self._trees, self.required, self._no_extra, self.deadline, self._scratch
+        )
+
+    def _free_until(self, T0: np.ndarray, T1: np.ndarray, extra: np.ndarray, hit: np.ndarray) -> float:
+        if self._scratch is None:
+            return kernels.free_until(T0, T1, *self._a, *self._b, self.required, extra, hit)
+        return tree_kernels.free_until(
+            T0, T1, self._shapes, self._trees, self.required, extra, hit, self.deadline, self._scratch
+        )
 
     def motion_free(self, T0: np.ndarray, T1: np.ndarray, extra: float = 0.0, near: np.ndarray | None = None) -> bool:
         """Check the motion from T0 to T1.
@@ -178,8 +288,9 @@ class ObjectChecker:
         more = self._no_extra
         if extra or near is not None:
             more = np.where(self.contact if near is None else near, 0.0, self.min_distance + extra - self.required)
-        if kernels.free_until(T0, T1, *self._a, *self._b, self.required, more, hit) < 1.0:
-            self.blocked[hit[0]] += 1
+        if self._free_until(T0, T1, more, hit) < 1.0:
+            if hit[0] >= 0:
+                self.blocked[hit[0]] += 1
             return False
         return self.supported_along(T0, T1)
 
@@ -190,11 +301,21 @@ class ObjectChecker:
     def free_part(self, T0: np.ndarray, T1: np.ndarray) -> float:
         """Parameter in [0, 1] up to which the motion from T0 to T1 (7,) is free of collisions; ignores the support."""
         self.checks += 1
-        return float(kernels.free_until(T0, T1, *self._a, *self._b, self.required, self._no_extra, np.array([-1, 1])))
+        return float(self._free_until(T0, T1, self._no_extra, np.array([-1, 1])))
 
     def hit_by(self, T0: np.ndarray, T1: np.ndarray) -> list[str]:
-        """Names of the bodies that the motion from T0 to T1 (7,) collides with, without repetition."""
-        names = []
+        """Names of the bodies that the motion from T0 to T1 (7,) collides with, without repetition.
+
+        Among many pairs those that are found before the deadline.
+        """
+        names: list[str] = []
+        if self._scratch is not None:
+            hits = np.zeros(len(self.owners), bool)
+            tree_kernels.hits_along(
+                T0, T1, self._shapes, self._trees, self.required, self._no_extra, hits, self._geometry.deadline,
+                self._scratch,
+            )  # fmt: skip
+            return list(dict.fromkeys(self.owners[j] for j in np.flatnonzero(hits)))
         for j, name in enumerate(self.owners):
             need = np.full(len(self.required), -np.inf)
             need[j] = self.required[j]
@@ -222,8 +343,12 @@ def recentred(problem: ObjectPathProblem, middle: np.ndarray) -> ObjectPathProbl
     return replace(problem, body=replace(problem.body, shapes=shapes), start=start, goal=goal)
 
 
-def check_ends(problem: ObjectPathProblem) -> frozenset[str]:
+def check_ends(problem: ObjectPathProblem, obstacles: ObstacleShapes | None = None) -> frozenset[str]:
     """Check start and goal for penetration.
+
+    Args:
+        problem: the problem.
+        obstacles: the shapes of its obstacles, if they are known.
 
     Returns:
         Removable bodies that the body penetrates at its goal by more than PENETRATION_ALLOWED.
@@ -232,15 +357,14 @@ def check_ends(problem: ObjectPathProblem) -> frozenset[str]:
         InputError: START_IN_COLLISION if the body penetrates any obstacle at its start by more than that;
             GOAL_IN_COLLISION if it penetrates an obstacle that is not removable at its goal.
     """
-    geometry = Geometry(problem)
+    geometry = Geometry(problem, obstacles)
     shapes = geometry.obstacles
     taken: set[str] = set()
     for name, T, code in (
         ("start", problem.start, Code.START_IN_COLLISION),
         ("goal", problem.goal, Code.GOAL_IN_COLLISION),
     ):
-        out = np.empty(len(shapes.radius))
-        kernels.distances(np.asarray(T, float), *geometry.body_arrays, *shapes.arrays, 0.0, out)
+        out = geometry.distances(T, shapes, 0.0)
         deep: dict[str, float] = {}
         for owner, d in zip(shapes.owner, out, strict=True):
             if d < -PENETRATION_ALLOWED:

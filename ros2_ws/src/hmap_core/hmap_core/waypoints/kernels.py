@@ -14,6 +14,9 @@ import numpy as np
 from numba import njit
 
 from hmap_core.collision.convex import signed_distance
+from hmap_core.collision.epa import FAR
+from hmap_core.collision.gjk import distance_from
+from hmap_core.collision.simplex import WORK
 
 # an interval in which no point moves farther than this counts as one instant, m
 RESOLUTION = 4e-4
@@ -22,11 +25,12 @@ _TINY = 1e-12
 # sine of half a rotation angle below which its square is lost in rounding
 _SMALL_TURN = 1e-4
 # capacity of the stack of intervals; they are halved, so the stack never has more
-_STACK = 128
+STACK = 128
 
 
 @njit(cache=True, error_model="numpy", nogil=True, inline="always")
-def _rotation(q, R):
+def rotation(q, R):
+    """Rotation matrix R (3, 3) of a unit quaternion q (4,) xyzw."""
     x, y, z, w = q[0], q[1], q[2], q[3]
     R[0, 0] = 1 - 2 * (y * y + z * z)
     R[0, 1] = 2 * (x * y - z * w)
@@ -127,7 +131,7 @@ def between(T0, T1, t):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _turned(R0, axis, angle, R):
+def turned(R0, axis, angle, R):
     """R (3, 3) = rotation by ``angle`` about the world ``axis``, applied after R0 (Rodrigues' formula)."""
     s, c = np.sin(angle), np.cos(angle)
     for k in range(3):
@@ -139,7 +143,7 @@ def _turned(R0, axis, angle, R):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _arm(V, R0, axis):
+def farthest(V, R0, axis):
     """Largest distance of the vertices V (n, 3) from the axis of rotation through the frame's origin."""
     best = 0.0
     a0 = R0[0, 0] * axis[0] + R0[1, 0] * axis[1] + R0[2, 0] * axis[2]
@@ -168,7 +172,7 @@ def _box_gap(center, radius, lower, upper):
 def distances(T, VA, sA, radA, cA, bA, VB, sB, radB, lower, upper, cap, out):
     """Signed distances of the body at pose T (7,) to all obstacle shapes, into ``out`` (SB,), at most ``cap``."""
     R = np.empty((3, 3))
-    _rotation(T[3:], R)
+    rotation(T[3:], R)
     p = T[:3].copy()
     eye = np.eye(3)
     zero = np.zeros(3)
@@ -203,7 +207,7 @@ def clearances(poses, VA, sA, radA, cA, bA, VB, sB, radB, lower, upper, counted,
 def blocking(T, VA, sA, radA, cA, bA, VB, sB, radB, lower, upper, required, extra):
     """Index of an obstacle shape nearer than required + extra (SB,) to the body at pose T (7,), or -1."""
     R = np.empty((3, 3))
-    _rotation(T[3:], R)
+    rotation(T[3:], R)
     p = T[:3].copy()
     eye = np.eye(3)
     zero = np.zeros(3)
@@ -223,12 +227,31 @@ def blocking(T, VA, sA, radA, cA, bA, VB, sB, radB, lower, upper, required, extr
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _pair_free(V, rad, R0, p0, dp, axis, angle, arm, W, radW, need, eye, zero, R, p, witness, stack, exact
+def gjk_scratch():
+    """Memory of the distance queries of one pair after the other: a cached guess, no edges, numbers, and witnesses."""
+    return np.zeros(9, np.int16), np.empty(0, np.int32), np.zeros(WORK), np.empty((3, 3))
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def pair_distance(V, R, p, rad, W, eye, zero, radW, cutoff, scratch):
+    """Signed distance (m) of one pair of shapes, or a value above ``cutoff``; the query starts from nothing."""
+    guess, none, work, witness = scratch
+    guess[0] = 0
+    for k in range(3):
+        work[k] = p[k] - zero[k]
+    return distance_from(V, none, R, p, rad, W, none, eye, zero, radW, cutoff, guess, witness, work)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def pair_free(V, rad, R0, p0, dp, axis, angle, arm, W, radW, need, eye, zero, R, p, scratch, stack, exact, begin, end
 ):  # fmt: skip
-    """Parameter in [0, 1] up to which one pair's motion is free; 1: all of it. If not ``exact``, only "less than 1"."""
+    """Parameter in [begin, end] up to which one pair's motion is free; 1: all of it. If not ``exact``, only "less than
+    1".
+    """
+    witness = scratch[3]
     speed = np.sqrt(dp[0] ** 2 + dp[1] ** 2 + dp[2] ** 2) + angle * arm
     top = 1
-    stack[0, 0], stack[0, 1] = 0.0, 1.0
+    stack[0, 0], stack[0, 1] = begin, end
     first_hit = 1.0 + _TINY
     while top > 0:
         top -= 1
@@ -236,10 +259,10 @@ def _pair_free(V, rad, R0, p0, dp, axis, angle, arm, W, radW, need, eye, zero, R
         if a >= first_hit:
             continue
         m = 0.5 * (a + b)
-        _turned(R0, axis, m * angle, R)
+        turned(R0, axis, m * angle, R)
         for k in range(3):
             p[k] = p0[k] + m * dp[k]
-        slack = signed_distance(V, R, p, rad, W, eye, zero, radW, witness) - need
+        slack = pair_distance(V, R, p, rad, W, eye, zero, radW, FAR, scratch) - need
         instant = (b - a) * speed <= RESOLUTION
         if slack < 0.0:
             first_hit = min(first_hit, a if instant else m)
@@ -277,32 +300,32 @@ def free_until(T0, T1, VA, sA, radA, cA, bA, VB, sB, radB, lower, upper, require
     axis = np.empty(3)
     angle = screw(T0, T1, axis)
     R0 = np.empty((3, 3))
-    _rotation(T0[3:], R0)
+    rotation(T0[3:], R0)
     p0 = T0[:3].copy()
     dp = T1[:3] - p0
     eye = np.eye(3)
     zero = np.zeros(3)
     R = np.empty((3, 3))
     p = np.empty(3)
-    witness = np.empty((3, 3))
-    stack = np.empty((_STACK + 2, 2))
+    scratch = gjk_scratch()
+    stack = np.empty((STACK + 2, 2))
     mid = np.empty((3, 3))
-    _turned(R0, axis, 0.5 * angle, mid)
+    turned(R0, axis, 0.5 * angle, mid)
     length = np.sqrt(dp[0] ** 2 + dp[1] ** 2 + dp[2] ** 2)
     best = 1.0
     hit[0] = -1
     for i in range(sA.shape[0] - 1):
         V = VA[sA[i] : sA[i + 1]]
-        arm = _arm(V, R0, axis)
+        arm = farthest(V, R0, axis)
         center = mid @ cA[i] + p0 + 0.5 * dp
         reach = bA[i] + 0.5 * (length + angle * arm)
         for j in range(sB.shape[0] - 1):
             need = required[j] + extra[j]
             if _box_gap(center, reach, lower[j], upper[j]) >= need:
                 continue
-            t = _pair_free(
+            t = pair_free(
                 V, radA[i], R0, p0, dp, axis, angle, arm, VB[sB[j] : sB[j + 1]], radB[j], need, eye, zero, R, p,
-                witness, stack, hit[1] != 0,
+                scratch, stack, hit[1] != 0, 0.0, 1.0,
             )  # fmt: skip
             if t < best:
                 best = t

@@ -11,7 +11,6 @@ from hmap_core.waypoints.problem import ObjectPath, ObjectPathProblem
 from hmap_core.waypoints.rrt import TURN_WEIGHT
 from hmap_core.waypoints.search import GROWTH, MotionSpace
 from hmap_core.waypoints.search_budget import SearchBudget
-from hmap_core.waypoints.separation import separated
 
 # states and motions that a planner may check in its first round; anytime planners without an end use all of them
 EVALUATIONS = 4000
@@ -65,11 +64,11 @@ class OmplMotionSpace(MotionSpace):
         """A free path (n, 7) and the checker that allows it.
 
         In the plane, the proof that there is none comes first. Then the planner from the start to the goal, with a
-        budget that grows with the ``number`` of the round. Each round tries one narrower minimum distance more.
+        budget that grows with the ``number`` of the round. Each round tries one narrower minimum distance more;
+        later on, every second one searches a wider space.
         """
-        start, goal = self.ends
         if self.planar and number == 0:
-            self.infeasible = separated(self.checkers[-1], start, goal, self.bounds)
+            self.prove_separated()
         if self.infeasible:
             return None
         for checker in self.checkers[: number + 1]:
@@ -84,7 +83,8 @@ class OmplMotionSpace(MotionSpace):
         """Poses (n, 7) of a free path that the planner finds with the budget of a round, or None."""
         start, goal = self.ends
         lower, upper = np.minimum(start, goal)[:3], np.maximum(start, goal)[:3]
-        bounds = np.array([np.minimum(self.bounds[0], lower), np.maximum(self.bounds[1], upper)])
+        box = self.bounds_of_round(number)
+        bounds = np.array([np.minimum(box[0], lower), np.maximum(box[1], upper)])
         checks = _Checks(checker)
         with seeded(rng):
             turn = TURN_WEIGHT * checker.radius

@@ -3,8 +3,9 @@
 import numpy as np
 
 from hmap_core.transforms import multiply, pose
+from hmap_core.waypoints import clock
 from hmap_core.waypoints.blocking import Removal, fewest_removals
-from hmap_core.waypoints.checker import check_ends, planar_projection
+from hmap_core.waypoints.checker import ObstacleShapes, check_ends, planar_projection
 from hmap_core.waypoints.problem import NoObjectPath, ObjectPath, ObjectPathProblem
 from hmap_core.waypoints.resample import chord_step, consistent, cut, resample
 from hmap_core.waypoints.search import Corners, MotionSpace, ObjectSearch, SpaceFactory
@@ -16,6 +17,8 @@ DEFAULT_TIME_LIMIT = 5.0  # s
 ROUNDS_AROUND_REMOVABLE = 2
 # share of the budget for that test
 REMOVAL_SHARE = 0.25
+# share of the time limit that shortening a path, or naming what blocks, can take after it
+SHARE_AFTER = 0.03
 
 
 def plan_waypoints(
@@ -44,37 +47,41 @@ def plan_waypoints(
             makes a path possible.
     """
     budget = SearchBudget(time_limit_s, checks)
-    needed = check_ends(problem)
-    search = ObjectSearch(problem, make_space)
+    obstacles = ObstacleShapes.of(problem.obstacles)
+    needed = check_ends(problem, obstacles)
+    search = ObjectSearch(problem, make_space, obstacles, budget.clock_deadline)
     if not problem.removable:
         found = search.rounds(rng, budget)
+        if found is None:
+            raise _failure(search, needed, budget, search.infeasible)
     else:
         found = _around_or_through(problem, search, needed, rng, budget, make_space)
-    if found is None:
-        raise _failure(search, needed)
-    return _finished(problem, found, rng)
+    return _finished(problem, found, rng, budget)
 
 
-def _around_or_through(problem, search, needed, rng, budget: SearchBudget, make_space: SpaceFactory) -> Corners | None:
+def _around_or_through(problem, search, needed, rng, budget: SearchBudget, make_space: SpaceFactory) -> Corners:
     """Search alternately for a path around the removable bodies and for one through them.
 
     Raises:
-        NoObjectPath: a path seems to exist only if some removable bodies are removed.
+        NoObjectPath: no path was found, or a path seems to exist only if some removable bodies are removed.
     """
     found = None if needed else search.rounds(rng, budget.fraction(1.0 - REMOVAL_SHARE), ROUNDS_AROUND_REMOVABLE)
-    cleared = ObjectSearch(problem.without(problem.removable), make_space)
+    cleared = ObjectSearch(problem.without(problem.removable), make_space, deadline=budget.clock_deadline)
     while found is None and not cleared.infeasible and not budget.exhausted:
         through = cleared.round(rng, budget)
         if through is not None:
             removal = fewest_removals(problem, through, needed, rng, budget, make_space)
-            path = _finished(problem.without(frozenset(removal.names)), removal.corners, rng)
-            raise _failure(search, needed, removal, path)
+            path = _finished(problem.without(frozenset(removal.names)), removal.corners, rng, budget)
+            raise _failure(search, needed, budget, False, removal, path)
         found = None if needed else search.round(rng, budget)
+    if found is None:
+        raise _failure(search, needed, budget, cleared.infeasible)
     return found
 
 
-def _finished(problem: ObjectPathProblem, found: Corners, rng) -> ObjectPath:
+def _finished(problem: ObjectPathProblem, found: Corners, rng, budget: SearchBudget) -> ObjectPath:
     checker, middle = found.checker, found.middle
+    checker.allow_until(_afterwards(budget))
     corners = smooth(checker, found.poses, rng)
     dense, where = resample(corners, chord_step(float(np.linalg.norm(middle))))
     poses = np.array([multiply(T, pose(-middle)) for T in dense]) if middle.any() else dense.copy()
@@ -85,14 +92,23 @@ def _finished(problem: ObjectPathProblem, found: Corners, rng) -> ObjectPath:
 
 
 def _failure(
-    search: ObjectSearch, needed: frozenset[str], removal: Removal | None = None, path: ObjectPath | None = None
+    search: ObjectSearch,
+    needed: frozenset[str],
+    budget: SearchBudget,
+    proven: bool,
+    removal: Removal | None = None,
+    path: ObjectPath | None = None,
 ) -> NoObjectPath:
-    """The exception that names the blocking bodies, and whether a path exists without the removable ones."""
+    """The exception that names the blocking bodies, whether a path exists without the removable ones, and how sure it
+    is.
+    """
     central = search.problem
+    end = _afterwards(budget)
     straight = sorted(needed)
     frontier: list[str] = []
     leaves = ""
     for checker in search.checkers or search.fresh_checkers():
+        checker.allow_until(end)
         goal = planar_projection(central, central.goal) if checker.planar else central.goal
         straight += checker.hit_by(central.start, goal)
         if not checker.supported_along(central.start, goal):
@@ -107,13 +123,23 @@ def _failure(
     if central.removable:
         found = f"; without {_listed(removal.names)} there is one" if removal else None
         removal_note = found or "; none was found without the removable bodies either"
+    sure = ""
+    if removal is None:
+        limit = " within its bounds" if central.bounds is not None else ""
+        sure = "; it is proven that there is none" + limit if proven else f"; the search ended with {budget.ended_by}"
     kinds = " or ".join(dict.fromkeys("planar" if c.planar else "spatial" for c in search.checkers)) or "free"
     return NoObjectPath(
-        f"no {kinds} path of '{central.body.name}' to its goal was found: {what}{removal_note}",
+        f"no {kinds} path of '{central.body.name}' to its goal was found: {what}{removal_note}{sure}",
         tuple(straight + frontier),
         removal.names if removal else None,
         path,
+        proven,
     )
+
+
+def _afterwards(budget: SearchBudget) -> float:
+    """Until when the work after a search may take, in seconds of ``clock.now``."""
+    return clock.now() + SHARE_AFTER * budget.time_limit
 
 
 def _listed(names) -> str:

@@ -91,6 +91,8 @@ class NoObjectPath(WaypointError):
             first.
         free_without: the removable bodies whose removal makes a path possible; None if no such set was found.
         path_without: the path that is free without these; None if unknown.
+        proven: whether it is proven that no path exists, with the removable bodies in place or without them; otherwise
+            the search has ended with its time or its number of motions.
     """
 
     def __init__(
@@ -99,8 +101,10 @@ class NoObjectPath(WaypointError):
         blockers: tuple[str, ...],
         free_without: tuple[str, ...] | None,
         path_without: ObjectPath | None = None,
+        proven: bool = False,
     ):
         super().__init__(reason)
         self.blockers = blockers
         self.free_without = free_without
         self.path_without = path_without
+        self.proven = proven

@@ -154,7 +154,7 @@ def direct_path(checker: ObjectChecker, start: np.ndarray, goal: np.ndarray, bou
     cost[0, 1] = cost[1, 0] = np.inf
     previous = np.empty(len(nodes), np.int64)
     limit = checker.checks + MAX_CHECKS
-    while checker.checks < limit:
+    while checker.checks < limit and not checker.late:
         _shortest(cost, previous)
         if previous[1] < 0:
             return None

@@ -61,7 +61,9 @@ def _solve(checker, starts, goals, bounds, rng, fraction, max_motions, budget) -
     used = 0
     while link[0] < 0 and used < max_motions and not budget.exhausted:
         most = int(min(SLICE, max_motions - used, budget.checks))
-        more = trees.grow(nodes, parent, count, link, rng, space, *checker.arrays, most)
+        *arrays, deadline = checker.arrays
+        deadline = min(deadline, budget.clock_deadline)
+        more = trees.grow(nodes, parent, count, link, rng, space, *arrays, deadline, most)
         if more == 0:
             break
         used += more

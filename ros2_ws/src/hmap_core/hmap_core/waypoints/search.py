@@ -6,7 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmap_core.transforms import rotation_matrix
-from hmap_core.waypoints.checker import Geometry, ObjectChecker, body_middle, planar_projection, recentred
+from hmap_core.waypoints.checker import (
+    Geometry,
+    ObjectChecker,
+    ObstacleShapes,
+    body_middle,
+    planar_projection,
+    recentred,
+)
 from hmap_core.waypoints.kernels import lengths
 from hmap_core.waypoints.problem import ObjectPathProblem
 from hmap_core.waypoints.roadmap import SAME_POSE, direct_path, exits
@@ -17,8 +24,12 @@ from hmap_core.waypoints.separation import separated
 # start and goal that differ by less have the same height and tilt
 SAME_HEIGHT = 1e-3  # m
 SAME_TILT = float(np.deg2rad(1.0))
-# the search space extends this far beyond start and goal, m
+# the search space extends this far beyond start and goal at first, m; it is widened if no path is found in it
 SEARCH_REACH = 1.0
+# factor of that reach from one widening to the next
+WIDENING = 2.0
+# round from which on every second one searches a wider space; most paths are found before
+WIDER_FROM = 3
 # smaller minimum distances in m that are tried if no path with the problem's exists
 TIGHTER = (0.002, 0.0005)
 # factor of the trees' budget of motions from one round to the next
@@ -46,7 +57,7 @@ class MotionSpace:
     Attributes:
         checkers: the largest minimum distance first; empty before :meth:`prepare`.
         bounds: (2, 3) lower and upper position of the search space, m; None before :meth:`prepare`.
-        infeasible: whether it is proven that no path exists.
+        infeasible: whether it is proven that no path exists, in however wide a space.
     """
 
     def __init__(self, problem: ObjectPathProblem, planar: bool):
@@ -67,6 +78,35 @@ class MotionSpace:
         self.bounds = search_bounds(problem, checker)
         return True
 
+    def widened(self, times: int) -> np.ndarray:
+        """The bounds (2, 3) of the search space after some widenings; beyond all obstacles they stay as they are."""
+        return search_bounds(self.problem, self.checkers[0], SEARCH_REACH * WIDENING**times)
+
+    def bounds_of_round(self, number: int) -> np.ndarray:
+        """The bounds (2, 3) in which a round searches: from WIDER_FROM on, those of every second round are wider."""
+        wider = number >= WIDER_FROM and (number - WIDER_FROM) % 2 == 0
+        return self.widened(number - 1) if wider else self.bounds
+
+    def prove_separated(self) -> bool:
+        """Look for the proof that no planar path exists: obstacles separate start from goal.
+
+        While they do so only within the bounds of the search, these are widened. At the end, ``infeasible`` says
+        whether there is no path in however wide a space.
+
+        Returns:
+            Whether the bounds were widened.
+        """
+        start, goal = self.ends
+        first, times = self.bounds, 0
+        while separated(self.checkers[-1], start, goal, self.bounds):
+            times += 1
+            wider = self.widened(times)
+            if np.array_equal(wider, self.bounds):
+                self.infeasible = True
+                break
+            self.bounds = wider
+        return self.bounds is not first
+
     @property
     def ends(self) -> tuple[np.ndarray, np.ndarray]:
         """Start and goal (7,); in planar motion the goal has the height and tilt of the start."""
@@ -79,7 +119,8 @@ class MotionSpace:
         """Search for a free path.
 
         The first round tries the straight motion, in planar motion a short run of two trees, and the small roadmap.
-        Then trees grow from the exits of start and goal; their budgets grow with the ``number`` of the round.
+        Then trees grow from the exits of start and goal; their budgets grow with the ``number`` of the round. Later
+        on, every second round searches a wider space, up to one that holds all obstacles.
 
         Args:
             number: of the round, from 0.
@@ -97,18 +138,28 @@ class MotionSpace:
             if path is not None:
                 return checker, path
             if self.planar and not self._exits:
-                self.infeasible = separated(self.checkers[-1], start, goal, self.bounds)
-            if self.infeasible:
-                return None
-            starts, goals = ([T, *exits(checker, T, o, self.bounds)] for T, o in ((start, goal), (goal, start)))
-            self._exits.append((starts, goals))
-        for checker, (starts, goals) in zip(self.checkers, self._exits, strict=True):
-            path = rrt_path(checker, starts, goals, self.bounds, rng, budget, GROWTH**number)
+                wider = self.prove_separated()
+                if self.infeasible:
+                    return None
+                path = _first_tries(checker, start, goal, self.bounds, rng, budget) if wider else None
+                if path is not None:
+                    return checker, path
+            self._exits.append(self._all_exits(checker, self.bounds))
+        bounds = self.bounds_of_round(number)
+        wider = not np.array_equal(bounds, self.bounds)
+        for checker, known in zip(self.checkers, self._exits, strict=True):
+            starts, goals = self._all_exits(checker, bounds) if wider else known
+            path = rrt_path(checker, starts, goals, bounds, rng, budget, GROWTH**number)
             if path is not None:
                 # a tree can start at an exit; the motion from the true end to it is known to be free
                 path = np.concatenate([starts[:1], path, goals[:1]])
                 return checker, path[np.concatenate(([True], lengths(path, checker.radius) > SAME_POSE))]
         return None
+
+    def _all_exits(self, checker: ObjectChecker, bounds: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Start and goal, each with the poses that free motions along one axis reach from it."""
+        start, goal = self.ends
+        return [start, *exits(checker, start, goal, bounds)], [goal, *exits(checker, goal, start, bounds)]
 
 
 # makes a motion space from a problem and whether its motion is planar
@@ -123,22 +174,30 @@ class ObjectSearch:
     Args:
         problem: its start and goal must be free.
         make_space: makes the search in planar or spatial motion.
+        obstacles: the shapes of the problem's obstacles, if they are known.
+        deadline: when checks end, in seconds of ``clock.now``.
 
     Attributes:
         checkers: those used so far.
     """
 
-    def __init__(self, problem: ObjectPathProblem, make_space: SpaceFactory = MotionSpace):
+    def __init__(
+        self,
+        problem: ObjectPathProblem,
+        make_space: SpaceFactory = MotionSpace,
+        obstacles: ObstacleShapes | None = None,
+        deadline: float = np.inf,
+    ):
         self.middle = body_middle(problem.body)
         self.problem = recentred(problem, self.middle)
         self.checkers: list[ObjectChecker] = []
-        self._geometry = Geometry(self.problem)
+        self._geometry = Geometry(self.problem, obstacles, deadline)
         self._spaces = [make_space(self.problem, planar) for planar in _motion_spaces(self.problem)]
         self._rounds = 0
 
     @property
     def infeasible(self) -> bool:
-        """Whether it is proven that no path exists within the bounds of the search."""
+        """Whether it is proven that no path exists; within the bounds of the problem, if it has any."""
         return all(space.infeasible for space in self._spaces)
 
     def fresh_checkers(self) -> list[ObjectChecker]:
@@ -209,21 +268,27 @@ def find_corners(
     Returns:
         The path, or None if none was found within the time limit.
     """
-    return ObjectSearch(problem, make_space).rounds(rng, SearchBudget(time_limit_s))
+    budget = SearchBudget(time_limit_s)
+    return ObjectSearch(problem, make_space, deadline=budget.clock_deadline).rounds(rng, budget)
 
 
-def search_bounds(problem: ObjectPathProblem, checker: ObjectChecker) -> np.ndarray:
-    """Lower and upper position (2, 3) in m of the search space: around start, goal and the obstacles near them."""
+def search_bounds(problem: ObjectPathProblem, checker: ObjectChecker, reach: float = SEARCH_REACH) -> np.ndarray:
+    """Lower and upper position (2, 3) in m of the search space: around start, goal and the obstacles near them.
+
+    Args:
+        problem: its own bounds, if it has any, are the search space.
+        checker: with the obstacles.
+        reach: largest distance beyond start and goal, m. A reach that holds all obstacles with room for the body round
+            them is as good as an infinite one.
+    """
     if problem.bounds is not None:
         return np.asarray(problem.bounds, float)
     ends = np.array([problem.start[:3], problem.goal[:3]])
-    near = np.array([ends.min(0) - SEARCH_REACH, ends.max(0) + SEARCH_REACH])
+    near = np.array([ends.min(0) - reach, ends.max(0) + reach])
     room = checker.radius + checker.min_distance
-    points = [ends.min(0) - room, ends.max(0) + room]
-    for lower, upper in zip(checker.obstacles.lower, checker.obstacles.upper, strict=True):
-        points += [lower - room, upper + room]
-    wanted = np.array([np.min(points, axis=0), np.max(points, axis=0)])
-    return np.array([np.maximum(wanted[0], near[0]), np.minimum(wanted[1], near[1])])
+    lower = np.concatenate([ends, checker.obstacles.lower]).min(axis=0) - room
+    upper = np.concatenate([ends, checker.obstacles.upper]).max(axis=0) + room
+    return np.array([np.maximum(lower, near[0]), np.minimum(upper, near[1])])
 
 
 def _motion_spaces(problem: ObjectPathProblem) -> list[bool]:

@@ -4,6 +4,8 @@ import time
 
 import numpy as np
 
+from hmap_core.waypoints import clock
+
 
 class SearchBudget:
     """A number of motions that a search can still check, and a time limit.
@@ -15,10 +17,13 @@ class SearchBudget:
 
     Attributes:
         checks: number of motions that are left.
+        time_limit: as given.
     """
 
     def __init__(self, time_limit: float, checks: float = np.inf, parent: "SearchBudget | None" = None):
         self.checks = checks
+        self.time_limit = time_limit
+        self._all_checks = checks
         self._deadline = time.monotonic() + time_limit
         self._parent = parent
 
@@ -31,6 +36,18 @@ class SearchBudget:
     def seconds(self) -> float:
         """Remaining wall-clock seconds."""
         return self._deadline - time.monotonic()
+
+    @property
+    def clock_deadline(self) -> float:
+        """The end of the time, in seconds of ``clock.now``; for compiled code."""
+        return clock.now() + self.seconds
+
+    @property
+    def ended_by(self) -> str:
+        """What a search has used up that ended with this budget, for messages."""
+        if self.checks < 1:
+            return f"all its {self._all_checks:.0f} motions"
+        return f"its time limit of {self.time_limit:g} s"
 
     def spend(self, checks: int) -> None:
         """Subtract checked motions from this budget and its parents."""

@@ -41,6 +41,8 @@ def separated(checker: ObjectChecker, start: np.ndarray, goal: np.ndarray, bound
     shape = np.ceil(extent / cell).astype(int) + 1
     closed = np.zeros(shape, bool)
     for hull, swept in checker.obstacles.hulls:
+        if checker.late:
+            return False
         for half in _section(hull, float(start[2])):
             _close(closed, half, reach + swept, bounds[0, :2], cell)
     ends = [tuple(np.clip(np.round((T[:2] - bounds[0, :2]) / cell).astype(int), 0, shape - 1)) for T in (start, goal)]

@@ -21,7 +21,7 @@ EXTRA_CLEARANCE_LENGTH = 0.01
 
 
 def smooth(checker: ObjectChecker, path: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Shorten and smooth a free path.
+    """Shorten and smooth a free path, until the deadline of the checker.
 
     Args:
         checker: decides what is free.
@@ -40,6 +40,8 @@ def smooth(checker: ObjectChecker, path: np.ndarray, rng: np.random.Generator) -
 
 def drop_corners(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
     """The cheapest free subsequence of the corners (n, 7); every corner costs NODE_COST."""
+    if checker.late:
+        return path
     radius = checker.radius
     n = len(path)
     cost = np.full(n, np.inf)
@@ -60,6 +62,8 @@ def shortcut(checker: ObjectChecker, path: np.ndarray, rng: np.random.Generator)
     """Random shortcuts between points of the path (Geraerts & Overmars, IJRR 2007)."""
     radius = checker.radius
     for _ in range(SHORTCUTS):
+        if checker.late:
+            break
         parts = lengths(path, radius)
         ends = np.concatenate(([0.0], parts.cumsum()))
         s, t = np.sort(rng.random(2)) * ends[-1]
@@ -91,6 +95,8 @@ def relax(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
     path = path.copy()
     near = _near(checker, path)
     for k in range(1, len(path) - 1):
+        if checker.late:
+            break
         own = near[k - 1 : k + 1]
         for extra, touched in ((EXTRA_CLEARANCE, own), (0.0, own), (EXTRA_CLEARANCE, [None, None])):
             better = _relaxed(checker, path[k - 1 : k + 2], extra, touched)
@@ -140,6 +146,8 @@ def turn_late(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
     path = path.copy()
     steps = [np.zeros(3), *(step * d for step in sorted(RELAX_STEPS) for d in _directions(checker))]
     for k in range(1, len(path) - 1):
+        if checker.late:
+            break
         if np.array_equal(path[k, 3:], path[k - 1, 3:]):
             continue
         for step in steps:

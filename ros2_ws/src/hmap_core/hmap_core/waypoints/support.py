@@ -19,7 +19,10 @@ FACE_TOLERANCE = 1e-3
 SUPPORT_STEP = 0.005
 # polygons thinner than this carry no body, m
 _THIN = 1e-6
-_MAX_CORNERS = 160
+# corners of the contact polygon that are collected before they are reduced to their hull
+_CONTACT = 640
+# pairs of a foot and a top from which on the check tries the outline of the feet first
+_MANY_PAIRS = 64
 
 
 def _polygon(points: np.ndarray) -> np.ndarray:
@@ -110,7 +113,51 @@ def _inside(x, y, polygon, min_distance):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _stable(yaw, px, py, com, feet, feet_start, tops, tops_start, min_distance):
+def _hull(points, count):
+    """Move the corners of the convex hull of points[:count] (count, 2) to the front (Andrew 1979); returns how many."""
+    if count < 3:
+        return count
+    order = np.argsort(points[:count, 1], kind="mergesort")
+    order = order[np.argsort(points[:count, 0][order], kind="mergesort")]
+    found = np.empty((2 * count, 2))
+    n = 0
+    for side in range(2):
+        first = n
+        for k in range(count):
+            x, y = points[order[k if side == 0 else count - 1 - k]]
+            while n - first >= 2 and (found[n - 1, 0] - found[n - 2, 0]) * (y - found[n - 2, 1]) <= (
+                found[n - 1, 1] - found[n - 2, 1]
+            ) * (x - found[n - 2, 0]):
+                n -= 1
+            found[n, 0], found[n, 1] = x, y
+            n += 1
+        n -= 1  # where one side ends the other one begins
+    for k in range(n):
+        points[k] = found[k]
+    return n
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _carried(c, s, px, py, outline, tops, tops_start, boxes, contact):
+    """Put the corners of the outline (n, 2) of all feet that stand on a top into ``contact``; returns how many.
+
+    The hull of these corners is a part of the contact polygon.
+    """
+    count = 0
+    for i in range(min(outline.shape[0], contact.shape[0])):
+        x = c * outline[i, 0] - s * outline[i, 1] + px
+        y = s * outline[i, 0] + c * outline[i, 1] + py
+        for t in range(tops_start.shape[0] - 1):
+            if boxes[t, 0] <= x <= boxes[t, 1] and boxes[t, 2] <= y <= boxes[t, 3]:
+                if _inside(x, y, tops[tops_start[t] : tops_start[t + 1]], 0.0):
+                    contact[count, 0], contact[count, 1] = x, y
+                    count += 1
+                    break
+    return count
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _stable(yaw, px, py, com, feet, feet_start, tops, tops_start, outline, boxes, min_distance):
     """Whether the body, rotated by ``yaw`` and at (px, py), has its centre of mass above the contact polygon."""
     c, s = np.cos(yaw), np.sin(yaw)
     # a disc with the radius min_distance that is inside one foot and one top is inside the contact polygon
@@ -122,28 +169,43 @@ def _stable(yaw, px, py, com, feet, feet_start, tops, tops_start, min_distance):
         for t in range(tops_start.shape[0] - 1):
             if _inside(x, y, tops[tops_start[t] : tops_start[t + 1]], min_distance):
                 return True
-    contact = np.empty((_MAX_CORNERS * 4, 2))
-    foot = np.empty((_MAX_CORNERS, 2))
-    out = np.empty((2 * _MAX_CORNERS, 2))
-    spare = np.empty((2 * _MAX_CORNERS, 2))
+    most = np.diff(feet_start).max() if feet_start.shape[0] > 1 else 0
+    foot = np.empty((most, 2))
+    most += np.diff(tops_start).max() if tops_start.shape[0] > 1 else 0
+    out, spare = np.empty((2 * most, 2)), np.empty((2 * most, 2))
+    many = (feet_start.shape[0] - 1) * (tops_start.shape[0] - 1) > _MANY_PAIRS
+    contact = np.empty((max(_CONTACT, 4 * most), 2))
+    if many:
+        count = _carried(c, s, px, py, outline, tops, tops_start, boxes, contact)
+        if _surrounded(x, y, contact, count, min_distance):
+            return True
     count = 0
     for f in range(feet_start.shape[0] - 1):
         n = feet_start[f + 1] - feet_start[f]
+        left, right, low, high = np.inf, -np.inf, np.inf, -np.inf
         for i in range(n):
             u, v = feet[feet_start[f] + i, 0], feet[feet_start[f] + i, 1]
             foot[i, 0], foot[i, 1] = c * u - s * v + px, s * u + c * v + py
+            left, right = min(left, foot[i, 0]), max(right, foot[i, 0])
+            low, high = min(low, foot[i, 1]), max(high, foot[i, 1])
         for t in range(tops_start.shape[0] - 1):
+            if many and (boxes[t, 0] > right or boxes[t, 1] < left or boxes[t, 2] > high or boxes[t, 3] < low):
+                continue
             m = _clip(foot, n, tops[tops_start[t] : tops_start[t + 1]], out, spare)
+            if count + m > contact.shape[0]:
+                count = _hull(contact, count)
             if count + m > contact.shape[0]:
                 break
             for i in range(m):
                 contact[count] = out[i]
                 count += 1
+    if many:
+        count = _hull(contact, count)
     return _surrounded(x, y, contact, count, min_distance)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def stable_along(T0, T1, reference, arm, com, feet, feet_start, tops, tops_start):
+def stable_along(T0, T1, reference, arm, com, feet, feet_start, tops, tops_start, outline, boxes):
     """Whether the body is stable at every SUPPORT_STEP of the motion from pose T0 to T1 (7,).
 
     Both poses are planar motions of ``reference``. ``arm`` is the distance in m of the body's farthest point from the
@@ -156,7 +218,9 @@ def stable_along(T0, T1, reference, arm, com, feet, feet_start, tops, tops_start
     for k in range(steps + 1):
         t = k / max(steps, 1)
         px, py = T0[0] + t * (T1[0] - T0[0]), T0[1] + t * (T1[1] - T0[1])
-        if not _stable(yaw0 + t * turn, px, py, com, feet, feet_start, tops, tops_start, SUPPORT_MARGIN):
+        if not _stable(
+            yaw0 + t * turn, px, py, com, feet, feet_start, tops, tops_start, outline, boxes, SUPPORT_MARGIN
+        ):
             return False
     return True
 
@@ -178,7 +242,9 @@ class Support:
         R = rotation_matrix(reference)
         arm = float(np.linalg.norm((body.vertices @ R.T)[:, :2], axis=1).max())
         com = (R @ centre_of_mass(body))[:2].copy()
-        self.arrays = (np.array(reference, float), arm, com, *_packed(feet(body, R)[0]), *_packed(tops))
+        standing, carrying = _packed(feet(body, R)[0]), _packed(tops)
+        outline, boxes = _polygon(standing[0]), _extents(*carrying)
+        self.arrays = (np.array(reference, float), arm, com, *standing, *carrying, outline, boxes)
 
     def is_stable(self, T: np.ndarray) -> bool:
         """Whether the body is stable at pose T (7,): its centre of mass is SUPPORT_MARGIN inside the contact
@@ -195,3 +261,11 @@ def _packed(polygons: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     kept = [p for p in polygons if len(p) >= 3]
     start = np.concatenate([[0], np.cumsum([len(p) for p in kept])]).astype(np.int64)
     return (np.ascontiguousarray(np.concatenate(kept)) if kept else np.zeros((0, 2))), start
+
+
+def _extents(points: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Lowest and highest x and y (n, 4) of polygons."""
+    if len(points) == 0:
+        return np.zeros((0, 4))
+    low, high = (f.reduceat(points, start[:-1]) for f in (np.minimum, np.maximum))
+    return np.ascontiguousarray(np.c_[low[:, 0], high[:, 0], low[:, 1], high[:, 1]])

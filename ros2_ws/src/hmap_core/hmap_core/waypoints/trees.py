@@ -8,6 +8,8 @@ it; and the metric of the nearest-neighbour search is cheap, because each step c
 import numpy as np
 from numba import njit
 
+from hmap_core.waypoints import tree_kernels
+from hmap_core.waypoints.clock import now
 from hmap_core.waypoints.kernels import free_until, length, part_way
 from hmap_core.waypoints.support import stable_along
 
@@ -45,20 +47,25 @@ def _nearest(nodes, count, T, radius):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _free(T0, T1, shapes, required, extra, support, blocked, hit):
+def _free(T0, T1, shapes, trees, required, extra, support, blocked, deadline, scratch, hit):
     """Whether the motion from T0 to T1 is free and supported; counts the obstacle that blocks in ``blocked`` (SB,)."""
-    VA, sA, radA, cA, bA, VB, sB, radB, lower, upper = shapes
     hit[0], hit[1] = -1, 0
-    if free_until(T0, T1, VA, sA, radA, cA, bA, VB, sB, radB, lower, upper, required, extra, hit) < 1.0:
-        blocked[hit[0]] += 1
+    if trees[0].item.shape[0] > 0:
+        free = tree_kernels.free_until(T0, T1, shapes, trees, required, extra, hit, deadline, scratch)
+    else:
+        VA, sA, radA, cA, bA, VB, sB, radB, lower, upper = shapes
+        free = free_until(T0, T1, VA, sA, radA, cA, bA, VB, sB, radB, lower, upper, required, extra, hit)
+    if free < 1.0:
+        if hit[0] >= 0:
+            blocked[hit[0]] += 1
         return False
-    held, reference, arm, com, feet, feet_start, tops, tops_start = support
-    return not held or stable_along(T0, T1, reference, arm, com, feet, feet_start, tops, tops_start)
+    held, reference, arm, com, feet, feet_start, tops, tops_start, outline, boxes = support
+    return not held or stable_along(T0, T1, reference, arm, com, feet, feet_start, tops, tops_start, outline, boxes)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def grow(nodes, parent, count, link, rng, space, shapes, required, extra, support, blocked, budget):
-    """Grow two trees until they meet, are full, or ``budget`` motions are checked.
+def grow(nodes, parent, count, link, rng, space, shapes, trees, required, extra, support, blocked, deadline, budget):
+    """Grow two trees until they meet, are full, ``budget`` motions are checked, or the deadline is over.
 
     Args:
         nodes: (2, N, 7) poses of both trees, the roots first.
@@ -68,8 +75,10 @@ def grow(nodes, parent, count, link, rng, space, shapes, required, extra, suppor
         rng: numpy Generator.
         space: planar?, reference pose (7,) of planar motion, lower (3,) and upper (3,) position in m, metres that a
             radian of rotation counts as, longest step in those metres.
-        shapes: arrays of the checker; so are ``required``, ``extra`` and ``blocked``.
+        shapes: arrays of the checker; so are ``trees``, ``required``, ``extra`` and ``blocked``.
         support: whether the body needs a support, and the arrays of the support.
+        deadline: in seconds of ``clock.now``.
+        budget: largest number of motions.
 
     Returns:
         The number of checked motions.
@@ -77,9 +86,10 @@ def grow(nodes, parent, count, link, rng, space, shapes, required, extra, suppor
     radius, step = space[4], space[5]
     sample, new, spare = np.empty(7), np.empty(7), np.empty(7)
     hit = np.zeros(2, np.int64)
+    scratch = tree_kernels.new_scratch()
     capacity = nodes.shape[1]
     used = 0
-    while used < budget and max(count[0], count[1]) < capacity:
+    while used < budget and max(count[0], count[1]) < capacity and now() < deadline:
         a = count[2] & 1
         b = 1 - a
         count[2] += 1
@@ -87,20 +97,20 @@ def grow(nodes, parent, count, link, rng, space, shapes, required, extra, suppor
         i = _nearest(nodes[a], count[a], sample, radius)
         part_way(nodes[a, i], sample, min(1.0, step / length(nodes[a, i], sample, radius)), new)
         used += 1
-        if not _free(nodes[a, i], new, shapes, required, extra, support, blocked, hit):
+        if not _free(nodes[a, i], new, shapes, trees, required, extra, support, blocked, deadline, scratch, hit):
             new[3:] = nodes[a, i, 3:]
             used += 1
-            if not _free(nodes[a, i], new, shapes, required, extra, support, blocked, hit):
+            if not _free(nodes[a, i], new, shapes, trees, required, extra, support, blocked, deadline, scratch, hit):
                 continue
         nodes[a, count[a]], parent[a, count[a]] = new, i
         count[a] += 1
         i = _nearest(nodes[b], count[b], new, radius)
         rest = length(nodes[b, i], new, radius)
-        while count[b] < capacity:
+        while count[b] < capacity and now() < deadline:
             last = rest <= step
             part_way(nodes[b, i], new, 1.0 if last else step / rest, spare)
             used += 1
-            if not _free(nodes[b, i], spare, shapes, required, extra, support, blocked, hit):
+            if not _free(nodes[b, i], spare, shapes, trees, required, extra, support, blocked, deadline, scratch, hit):
                 break
             if last:
                 link[a], link[b] = count[a] - 1, i
