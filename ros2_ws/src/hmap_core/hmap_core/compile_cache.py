@@ -1,24 +1,32 @@
-"""Cache of compiled code: one folder per state of the sources.
+"""Cache of compiled code: by the contents of the sources, not by where they are.
 
-Numba detects changes in the file of a compiled function, but not in functions of other files that it calls. The folder
-is therefore named by the hash of all compiled sources.
+Numba detects changes in the file of a compiled function, but not in functions of other files that it calls, and it
+keeps a cache for each path. Here the key is the content of a module and of all modules with compiled code that it
+imports, directly or not. So checkouts share the cache, and after a change only what depends on it is compiled again.
 """
 
 import fcntl
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 
-VARIABLE = "NUMBA_CACHE_DIR"
-JIT_DISABLED = "NUMBA_DISABLE_JIT"
+NUMBA_FOLDER = "NUMBA_CACHE_DIR"  # variables of Numba
+NUMBA_LOCATORS = "NUMBA_CACHE_LOCATOR_CLASSES"
+NUMBA_OFF = "NUMBA_DISABLE_JIT"
+OWN_LOCATOR = "hmap_core.cache_locator.ContentLocator"
+NUMBA_LOCATORS_OF_OTHERS = ("UserProvidedCacheLocator", "InTreeCacheLocator", "UserWideCacheLocator", "ZipCacheLocator")
 KEPT_DAYS = 14  # age up to which folders are kept, since other checkouts on this machine may use them
 COMPILED = (b"njit", b"cfunc", b"intrinsic", b"namedtuple")  # texts that mark a source with compiled code or types
+PACKAGE = Path(__file__).parent
+# Only absolute imports: the sources have no others. An expression, as a parser would take a quarter of a second.
+IMPORT = re.compile(rf"^\s*(?:from|import) ({PACKAGE.name}[\w.]*)(?: import (\([^)]*\)|[^\n]*))?", re.MULTILINE)
 
 
 def cache_root() -> Path:
@@ -26,28 +34,71 @@ def cache_root() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hmap" / "compiled"
 
 
+def is_own(file: Path) -> bool:
+    """Whether a source belongs to this package."""
+    return PACKAGE in file.parents
+
+
+@cache
+def module_hash(file: Path) -> str:
+    """Hash of a source of this package and of what its compiled code depends on.
+
+    These are all sources with compiled code that it imports, directly or not, and what they import themselves: Numba
+    compiles constants in.
+    """
+    compiled = {file} | {path for path in _imported(file) if _has_compiled_code(path)}
+    return _hash(compiled.union(*map(_imports, compiled)))
+
+
 @cache
 def source_hash() -> str:
     """Hash of all sources of this package that contain compiled code or its types."""
-    folder = Path(__file__).parent
+    return _hash(filter(_has_compiled_code, PACKAGE.rglob("*.py")))
+
+
+def _hash(files: Iterable[Path]) -> str:
     digest = hashlib.sha256()
-    for file in sorted(folder.rglob("*.py")):
-        source = file.read_bytes()
-        if any(mark in source for mark in COMPILED):
-            digest.update(file.relative_to(folder).as_posix().encode())
-            digest.update(source)
+    for file in sorted(files):
+        digest.update(file.relative_to(PACKAGE).as_posix().encode())
+        digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
 
 
+@cache
+def _has_compiled_code(file: Path) -> bool:
+    source = file.read_bytes()
+    return any(mark in source for mark in COMPILED)
+
+
+def _imported(file: Path) -> set[Path]:
+    """A source and all sources of this package that it imports, directly or not."""
+    found, todo = set(), [file]
+    while todo:
+        path = todo.pop()
+        if path not in found:
+            found.add(path)
+            todo += _imports(path)
+    return found
+
+
+@cache
+def _imports(file: Path) -> tuple[Path, ...]:
+    """Sources of this package that a source imports."""
+    files = []
+    for module, names in IMPORT.findall(file.read_text()):
+        base = PACKAGE.parent.joinpath(*module.split("."))
+        files += [base, *(base / name for name in re.findall(r"\w+", names))]
+    candidates = (path for base in files for path in (base.with_suffix(".py"), base / "__init__.py"))
+    return tuple(path for path in candidates if path.exists())
+
+
 def use_own_cache() -> None:
-    """Sets Numba's cache folder to the one of these sources, unless the user has set another one."""
-    chosen = os.environ.get(VARIABLE)
-    if chosen and cache_root() not in Path(chosen).parents:
+    """Lets Numba look for code of this package by content, unless the user has chosen how it looks."""
+    if os.environ.get(NUMBA_LOCATORS) or os.environ.get(NUMBA_FOLDER):
         return
-    folder = cache_root() / source_hash()
-    os.environ[VARIABLE] = str(folder)
+    os.environ[NUMBA_LOCATORS] = ",".join((OWN_LOCATOR, *NUMBA_LOCATORS_OF_OTHERS))
     if "numba" in sys.modules:  # Numba has read the variable already
-        sys.modules["numba"].config.CACHE_DIR = str(folder)
+        sys.modules["numba"].config.CACHE_LOCATOR_CLASSES = os.environ[NUMBA_LOCATORS]
 
 
 def ensure_compiled(report: Callable[[str], None] = lambda text: None) -> None:
@@ -59,13 +110,12 @@ def ensure_compiled(report: Callable[[str], None] = lambda text: None) -> None:
     Args:
         report: called with what to tell the user, if there is something to do.
     """
-    folder = Path(os.environ.get(VARIABLE) or cache_root() / source_hash())
-    mark = folder / _mark_name()
-    if mark.exists() or os.environ.get(JIT_DISABLED, "0") not in ("", "0"):
+    mark = _mark()
+    if mark.exists() or os.environ.get(NUMBA_OFF, "0") not in ("", "0"):
         return
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with (folder / "compiling.lock").open("w") as lock:
+        mark.parent.mkdir(parents=True, exist_ok=True)
+        with mark.with_suffix(".lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)  # released when the file is closed
             if not mark.exists():
                 report("compiling the planner, once for this version: about a minute")
@@ -76,23 +126,26 @@ def ensure_compiled(report: Callable[[str], None] = lambda text: None) -> None:
 
 def mark_compiled() -> None:
     """Note in the cache that everything is compiled; see :func:`ensure_compiled`."""
-    (Path(os.environ[VARIABLE]) / _mark_name()).touch()
+    _mark().parent.mkdir(parents=True, exist_ok=True)
+    _mark().touch()
 
 
-def _mark_name() -> str:
-    """Differs by what Numba's own cache differs by: where the sources are, versions, and the processor."""
+def _mark() -> Path:
+    """Differs by what Numba's cache differs by: the sources, versions, and the processor."""
     import llvmlite
     import numba
     from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
 
     processor = get_host_cpu_name() + get_host_cpu_features().flatten()
-    text = " ".join((__file__, sys.version, numba.__version__, llvmlite.__version__, processor))
-    return f"compiled-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    folder = os.environ.get(NUMBA_FOLDER, "")  # the user's own
+    text = " ".join((folder, sys.version, numba.__version__, llvmlite.__version__, processor))
+    return cache_root() / source_hash() / f"compiled-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 
 def remove_old_caches() -> None:
     """Deletes the folders of other states of the sources that have not changed for KEPT_DAYS."""
-    current, oldest = source_hash(), time.time() - KEPT_DAYS * 86400
+    current = {source_hash(), *(module_hash(file) for file in PACKAGE.rglob("*.py"))}
+    oldest = time.time() - KEPT_DAYS * 86400
     for folder in cache_root().glob("*"):
-        if folder.name != current and folder.stat().st_mtime < oldest:
+        if folder.name not in current and folder.stat().st_mtime < oldest:
             shutil.rmtree(folder, ignore_errors=True)
