@@ -22,6 +22,7 @@ from hmap_core.exceptions import (
     PlannerError,
     WaypointError,
 )
+from hmap_core.trajectory.measured_limits import within_limits
 from hmap_core.types import Scene, SceneState
 from hmap_msgs.msg import ErrorCode
 
@@ -33,15 +34,22 @@ STAGES = {
 }
 
 
-def scene_and_state(request) -> tuple[Scene, SceneState]:
+def scene_and_state(request, tell: Callable[[str], None]) -> tuple[Scene, SceneState]:
     """The scene and the state of a request.
+
+    Args:
+        request: has both.
+        tell: called with what was changed of the state: joints and fingers that are measured a little beyond a limit.
 
     Raises:
         InputError: the scene or the state is not allowed.
         ConversionError: the request is malformed.
     """
     scene = scene_from_message(request.scene)
-    return scene, state_from_message(scene, request.world)
+    state, notes = within_limits(scene, state_from_message(scene, request.world))
+    for note in notes:
+        tell(note)
+    return scene, state
 
 
 def time_limit(request, default: float) -> float:

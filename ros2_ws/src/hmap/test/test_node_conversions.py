@@ -8,14 +8,15 @@ import pytest
 
 from hmap import conversions as convert
 from hmap import phase_conversions as phases
+from hmap.requests import scene_and_state
 from hmap_core import plan_file, transforms
-from hmap_core.exceptions import Code, HmapError
+from hmap_core.exceptions import Code, HmapError, InputError
 from hmap_core.planner.interfaces import RobotContact, SubTrajectory
 from hmap_core.scenes import load_scene
 from hmap_core.types import ContactKind, ContactPoint, Plan, Segment, SegmentKind, Trajectory
 from hmap_core.waypoints import ObjectPath
 from hmap_msgs.msg import Scene
-from hmap_msgs.srv import PlanWaypoints, SolveSegment
+from hmap_msgs.srv import CheckContacts, PlanWaypoints, ProposeContacts, SolveSegment
 from hmap_msgs_py.bodies import body_to_message
 from hmap_msgs_py.checks import ConversionError
 from hmap_msgs_py.errors import error_to_message
@@ -206,3 +207,18 @@ def test_names_are_looked_up(scene):
 def test_cloud_without_points_is_none():
     message = SimpleNamespace(cloud=SimpleNamespace(fields=[]))
     assert convert.cloud_from_message(message) is None
+
+
+@pytest.mark.parametrize("request_type", [PlanWaypoints, ProposeContacts, CheckContacts, SolveSegment])
+def test_a_request_has_joints_and_fingers_within_their_limits_or_is_refused(scene, request_type):
+    state, told = scene.start_state(), []
+    limits = scene.robots["panda_1"].model.position_limits
+    state.q["panda_1"][5], state.gripper["panda_2"] = limits[1, 5] + 0.004, -0.0006
+    request = request_type.Request(scene=convert.scene_to_message(scene), world=convert.state_to_message(scene, state))
+    _, read = scene_and_state(request, told.append)
+    assert read.q["panda_1"][5] == limits[1, 5] and read.gripper["panda_2"] == 0.0
+    assert len(told) == 2 and "panda_joint6" in told[0] and "opening" in told[1]
+    state.q["panda_1"][5] += 0.01
+    request.world = convert.state_to_message(scene, state)
+    with pytest.raises(InputError, match="panda_joint6 at 3.7665; allowed: -0.0175 to 3.7525"):
+        scene_and_state(request, told.append)

@@ -14,6 +14,9 @@ from hmap_core.transforms import IDENTITY
 # m, rad: default distance of an object from its goal pose that counts as reached after execution
 DEFAULT_EXECUTION_TOLERANCE = (0.02, float(np.deg2rad(10.0)))
 GRIPPER_SPEED = 0.1  # m/s, default rate of change of the opening
+# What is measured, or recorded from a measurement, may be beyond a limit by so much: it then counts as on the limit.
+JOINT_TOLERANCE = 0.01  # rad, or m for sliding joints; as much as controllers accept at a goal
+OPENING_TOLERANCE = 0.002  # m of a gripper's opening
 
 
 class ShapeKind(StrEnum):

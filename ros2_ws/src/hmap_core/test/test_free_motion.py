@@ -1,14 +1,19 @@
 """Motions of a robot past what stands, without any object; the judge looks at each of them."""
 
+import itertools
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from simulation_fixtures import HOME, box, scene
 
+from hmap_core.benchmark import limits
 from hmap_core.exceptions import Code, InputError, MotionError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import plan_motion, segments
-from hmap_core.planner.assembly import assemble
+from hmap_core.planner.assembly import assemble, scene_at
+from hmap_core.planner.transit_search import TransitSearch
 from hmap_core.transforms import distance, multiply, pose
 from hmap_core.types import BodyKind, Goal
 from hmap_core.validation import check
@@ -125,3 +130,78 @@ def test_where_no_way_is_found_the_search_goes_on_until_the_time_is_up(walled, m
     assert error.value.code == Code.NO_MOTION
     assert len(tries) > 1
     assert all(request[-1] <= 0.05 for request in tries)
+
+
+# --- limits
+
+
+def beyond_reach_of_search(*request, **more):
+    raise AssertionError("the optimiser alone finds the motion")
+
+
+@pytest.mark.parametrize("joint", range(7))
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_goal_on_a_limit_is_reached_by_the_optimiser_alone(monkeypatch, side, joint):
+    world = scene(box("block", (0.05, 0.05, 0.1), BLOCK[:3]), goal=Goal("block", BLOCK))
+    model = world.robots["left"].model
+    goal = HOME.copy()
+    goal[joint] = model.position_limits[side, joint]
+    if segments.standing_collision(world, replace(world.start_state(), q={"left": goal}), "left"):
+        pytest.skip("the arm is in itself there")
+    monkeypatch.setattr(TransitSearch, "ways", beyond_reach_of_search)
+    there = plan_motion(world, "left", q=goal)
+    q = there.trajectory.joints["left"]
+    assert (q >= model.position_limits[0]).all() and (q <= model.position_limits[1]).all()
+    np.testing.assert_allclose(q[-1], goal, atol=1e-4)
+    judged(world, there)
+    state = world.start_state()
+    state.q["left"] = goal
+    back = plan_motion(world, "left", q=HOME, state=state).trajectory.joints["left"]
+    assert (back >= model.position_limits[0]).all() and (back <= model.position_limits[1]).all()
+
+
+def test_motions_along_limits_are_within_them_between_their_steps(walled):
+    model = walled.robots["left"].model
+    lower, upper = model.position_limits
+    for _, motion in itertools.islice(limits.cases(walled, "left", 3), 25):
+        state = walled.start_state()
+        state.q["left"] = motion.start
+        q = plan_motion(walled, "left", q=motion.goal, state=state, seed=1).trajectory.joints["left"]
+        assert (q >= lower).all() and (q <= upper).all()
+
+
+# --- overlaps at the ends
+
+
+def reaching_down(depth: float):
+    """A scene with a block under the hand, and a configuration with the fingertips ``depth`` (m) inside of it."""
+    below = box("block", (0.15, 0.15, 0.1), BLOCK[:3])
+    lowest = load_arm(scene().robots["left"].model).finger_vertices(0.08)[:, 2].max()
+    near = plan_motion(scene(), "left", T_world_ee=pose((0.6, 0.0, 0.1 + lowest - depth), DOWN)).trajectory
+    return scene(below, goal=Goal("block", BLOCK)), near.joints["left"][-1]
+
+
+@pytest.mark.parametrize("depth", [0.0, 0.0003, 0.0006, 0.0009])
+def test_a_motion_goes_into_and_out_of_overlaps_that_the_judge_allows(depth, monkeypatch):
+    monkeypatch.setattr(TransitSearch, "ways", beyond_reach_of_search)
+    world, q = reaching_down(depth)
+    made = plan_motion(world, "left", q=q)
+    np.testing.assert_allclose(made.trajectory.joints["left"][-1], q, atol=1e-4)
+    judged(world, made)
+    state = world.start_state()
+    state.q["left"] = q
+    back = plan_motion(world, "left", q=HOME, state=state)
+    report = check(to_dict(assemble(scene_at(world, state), state, [back], np.zeros((0, 7)), {})))
+    assert report.valid, report.violations[:3]
+
+
+def test_deeper_overlaps_are_refused_at_once():
+    world, q = reaching_down(0.0013)
+    with pytest.raises(InputError, match=r"'left' is 1.3 mm inside at its goal") as error:
+        plan_motion(world, "left", q=q)
+    assert error.value.code == Code.GOAL_IN_COLLISION
+    state = world.start_state()
+    state.q["left"] = q
+    with pytest.raises(InputError, match=r"'left' is 1.3 mm inside at its start") as error:
+        plan_motion(world, "left", q=HOME, state=state)
+    assert error.value.code == Code.START_IN_COLLISION

@@ -102,3 +102,28 @@ def test_distinct_points_keep_the_ends():
 def test_wrong_input_names_what_is_wrong(path, velocity, acceleration, dt, word):
     with pytest.raises(MotionError, match=word):
         time_parameterise(path, velocity, acceleration, dt)
+
+
+POSITION = np.array([-np.ones(7), np.ones(7)])
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_position_limits_are_kept_between_the_points_with_all_other_limits(seed):
+    rng = np.random.default_rng(seed)
+    path = np.clip(1.4 * rng.uniform(-1.0, 1.0, (rng.integers(3, 12), 7)), *POSITION)
+    free = time_parameterise(path, VELOCITY, ACCELERATION, DT)
+    timed = time_parameterise(path, VELOCITY, ACCELERATION, DT, POSITION)
+    assert np.abs(free.q).max() > 1.0 and np.abs(timed.q).max() <= 1.0
+    joined = np.concatenate([timed.q[:1], timed.q, timed.q[-1:]])
+    assert (np.abs(np.diff(joined, axis=0)) / DT <= VELOCITY * (1 + 1e-9)).all()
+    assert (np.abs(np.diff(joined, 2, axis=0)) / DT**2 <= ACCELERATION * (1 + 1e-9)).all()
+    assert np.array_equal(timed.q[0], path[0]) and np.array_equal(timed.q[-1], path[-1])
+
+
+def test_points_beyond_a_position_limit_are_moved_onto_it_or_refused():
+    path = np.zeros((3, 7))
+    path[:, 0], path[1, 2] = (0.0, 0.5, 1.0), -1.0 - 5e-4
+    assert time_parameterise(path, VELOCITY, ACCELERATION, DT, POSITION).q.min() >= -1.0
+    path[1, 2] = -1.002
+    with pytest.raises(MotionError, match="point 1 of the path has joint 3 at -1.0020; allowed: -1.0000 to 1.0000"):
+        time_parameterise(path, VELOCITY, ACCELERATION, DT, POSITION)

@@ -56,7 +56,7 @@ class ContactProposerNode(HmapNode):
         self.serve(ProposeContacts, "propose_contacts", self._propose)
 
     def _propose(self, request: ProposeContacts.Request, response: ProposeContacts.Response) -> None:
-        scene, state = scene_and_state(request)
+        scene, state = scene_and_state(request, self.get_logger().warning)
         name = known_object(scene, request.object)
         checker = CountingChecker(self._checker)
         query = ContactSearchQuery(

@@ -33,7 +33,7 @@ class KomoOptimiser(HmapNode):
         self.serve(SolveSegment, "solve_segment", self._solve)
 
     def _check(self, request: CheckContacts.Request, response: CheckContacts.Response) -> None:
-        scene, state = scene_and_state(request)
+        scene, state = scene_and_state(request, self.get_logger().warning)
         name = known_object(scene, request.object)
         poses = _poses(request)
         rng = np.random.default_rng(int(request.seed))
@@ -57,7 +57,7 @@ class KomoOptimiser(HmapNode):
         ]
 
     def _solve(self, request: SolveSegment.Request, response: SolveSegment.Response) -> None:
-        scene, state = scene_and_state(request)
+        scene, state = scene_and_state(request, self.get_logger().warning)
         name = known_object(scene, request.object)
         contact = contact_from_message(scene, request.contact)
         limit = time_limit(request, self._time_limit)

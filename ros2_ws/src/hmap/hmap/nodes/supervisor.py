@@ -244,6 +244,8 @@ class Supervisor(HmapNode):
         if self._canceled(job):
             raise PlannerError("canceled", Code.CANCELED)
         ended = time.monotonic()
+        for note in plan.stats.get("notes", ()):
+            self.get_logger().warning(note)
         stats = {"planning_time_s": ended - began, **plan.stats, "plans": job.plans, "blocked": job.blocked}
         if request.blocked is not None:
             job.replans.append(

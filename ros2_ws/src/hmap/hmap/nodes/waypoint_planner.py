@@ -29,7 +29,7 @@ class WaypointPlanner(HmapNode):
         self.serve(PlanWaypoints, "plan_waypoints", self._plan)
 
     def _plan(self, request: PlanWaypoints.Request, response: PlanWaypoints.Response) -> None:
-        scene, state = scene_and_state(request)
+        scene, state = scene_and_state(request, self.get_logger().warning)
         name = known_object(scene, request.object)
         goal = replace(scene.goal, object=name, pose=pose_from_message(request.goal, "goal"))
         limit = time_limit(request, self._time_limit)

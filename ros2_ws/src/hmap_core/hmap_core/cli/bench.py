@@ -2,10 +2,16 @@
 
 import argparse
 
-from hmap_core.cli import bench_generality, bench_komo, bench_startup, bench_tasks
+from hmap_core.cli import bench_generality, bench_komo, bench_limits, bench_startup, bench_tasks
 
-HELP = "measure: tasks and generality (how often they are solved, how fast), komo (against RAI's) or startup"
-WHAT = {"generality": bench_generality, "komo": bench_komo, "startup": bench_startup, "tasks": bench_tasks}
+HELP = "measure: tasks and generality (how often they are solved, how fast), komo (against RAI's), limits or startup"
+WHAT = {
+    "generality": bench_generality,
+    "komo": bench_komo,
+    "limits": bench_limits,
+    "startup": bench_startup,
+    "tasks": bench_tasks,
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -12,8 +12,6 @@ from hmap_core.kinematics.chain import Chain
 from hmap_core.kinematics.free_body import FreeBody
 from hmap_core.transforms import from_matrix, to_matrix
 
-LIMIT_MARGIN = 0.02  # rad or m, distance from the joint limits, for the curve between the steps of a path
-
 
 @dataclass(frozen=True)
 class PlacedArm:
@@ -24,14 +22,13 @@ class PlacedArm:
     T_world_base: np.ndarray  # (7,)
 
     def branch(self) -> Branch:
-        """The joints of the arm as :class:`KinematicModel` expects them, with limits reduced by LIMIT_MARGIN."""
+        """The joints of the arm as :class:`KinematicModel` expects them."""
         base = to_matrix(self.T_world_base)
         R, p = self.arm.R_joint.copy(), self.arm.p_joint.copy()
         R[0], p[0] = base[:3, :3] @ R[0], base[:3, :3] @ p[0] + base[:3, 3]
         lower, upper = self.arm.model.position_limits
         return Branch(
-            R, p, self.arm.prismatic, lower + LIMIT_MARGIN, upper - LIMIT_MARGIN, self.arm.reach(),
-            from_matrix(self.arm.T_tip_ee),
+            R, p, self.arm.prismatic, lower, upper, self.arm.reach(), from_matrix(self.arm.T_tip_ee),
         )  # fmt: skip
 
 

@@ -41,6 +41,12 @@ class KomoProblem(PathProblem):
         other.collisions, other._arrays = collisions, None
         return other
 
+    def keeping(self, cols: Collisions) -> Self:
+        """The same problem with other minimum distances of its pairs; it must not get more objectives."""
+        other = copy(self)
+        other._arrays = cols
+        return other
+
     def coarse_samples(self, full: Samples, stride: int) -> Samples:
         """Pairs are looked at only at every ``stride``-th step of each phase, counted from its end."""
         to_end = np.concatenate([np.arange(steps)[::-1] for steps in self.steps_per_phase])

@@ -1,6 +1,7 @@
 """A transit of one robot to a configuration or to a pose of its end effector, without any object."""
 
 import time
+from dataclasses import replace
 from itertools import cycle
 
 import numpy as np
@@ -12,13 +13,13 @@ from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.segment import Phase
 from hmap_core.planner import segments
 from hmap_core.planner.interfaces import SubTrajectory
+from hmap_core.trajectory.measured_limits import configuration_within_limits, within_limits
 from hmap_core.types import Scene, SceneState
 
 DEFAULT_TIME_LIMIT = 10.0  # s
 IK_STARTS = 64  # random configurations, beside the present one and home, from which inverse kinematics begins
 CONFIGURATIONS = 8  # solutions of it that are tried as goals, the nearest first
 SAME_CONFIGURATION = 0.05  # rad; solutions that differ by less are one
-ROUNDING = 1e-4  # rad beyond a joint limit that counts as rounding
 UNIT = 1e-4  # what the norm of a quaternion may be off 1
 
 
@@ -38,6 +39,10 @@ def plan_motion(
     (:mod:`hmap_core.planner.transit`) until the time is up. The motion is free between its steps, too,
     and within the robot's limits.
 
+    Joints and fingers that are beyond a limit by no more than a measurement may be are on it
+    (:mod:`hmap_core.trajectory.measured_limits`); ``notes`` of what is returned say so. Start and goal may overlap with
+    something by OVERLAP_ALLOWED; the motion comes out of there and goes in.
+
     Args:
         q: (n,) configuration in which it has to end, rad; or
         T_world_ee: (7,) pose at which its end-effector frame has to end. One of both is needed.
@@ -46,8 +51,8 @@ def plan_motion(
         time_limit: seconds of wall-clock time; a goal to which there is no way takes all of it.
 
     Raises:
-        InputError: the robot is unknown, a value has the wrong shape or is beyond the joint limits, or the robot
-            stands in something at the start (START_IN_COLLISION) or at the goal (GOAL_IN_COLLISION).
+        InputError: the robot is unknown, a value has the wrong shape or is beyond the limits, or the robot stands
+            in something at the start (START_IN_COLLISION) or at the goal (GOAL_IN_COLLISION).
         MotionError: no configuration reaches the pose (OUT_OF_REACH), or no way was found (NO_MOTION).
     """
     deadline = time.monotonic() + time_limit
@@ -56,38 +61,31 @@ def plan_motion(
         raise InputError(f"robot '{robot}' is unknown; the scene has {', '.join(scene.robots)}", Code.UNKNOWN_ROBOT)
     if (q is None) == (T_world_ee is None):
         raise InputError("give one goal: q or T_world_ee")
-    state = scene.start_state() if state is None else state
-    _check_configuration(scene, state, robot, state.q[robot], "start", Code.START_IN_COLLISION)
+    state, notes = within_limits(scene, scene.start_state() if state is None else state)
+    _check_standing(scene, state, robot, state.q[robot], "start", Code.START_IN_COLLISION)
     if q is None:
         goals = _configurations(scene, state, robot, _checked_pose(T_world_ee), rng)
     else:
-        goals = [_check_configuration(scene, state, robot, np.array(q, float), "goal", Code.GOAL_IN_COLLISION)]
+        goal, moved = configuration_within_limits(scene.robots[robot], q, "goal")
+        _check_standing(scene, state, robot, goal, "goal", Code.GOAL_IN_COLLISION)
+        goals, notes = [goal], (*notes, *moved)
     tries = cycle(goals)
     while True:
         try:
-            return segments.go(scene, state, robot, next(tries), rng, deadline - time.monotonic())
+            motion = segments.go(scene, state, robot, next(tries), rng, deadline - time.monotonic())
+            return replace(motion, notes=notes)
         except MotionError:
             if time.monotonic() > deadline:
                 raise
 
 
-def _check_configuration(
-    scene: Scene, state: SceneState, robot: str, q: np.ndarray, what: str, code: Code
-) -> np.ndarray:
-    """The configuration q (n,), within the limits to the last digit. Raises InputError where a robot cannot stand in
-    it."""
-    model = scene.robots[robot].model
-    if q.shape != model.home.shape or not np.isfinite(q).all():
-        raise InputError(f"{what} q of '{robot}' is {q.tolist()}; needed: {len(model.home)} finite joint positions")
-    for joint, value, low, high in zip(model.joint_names, q, *model.position_limits, strict=True):
-        if not low - ROUNDING <= value <= high + ROUNDING:
-            raise InputError(f"{what} of '{robot}' has {joint} at {value:.4f}; allowed: {low:.4f} to {high:.4f}")
+def _check_standing(scene: Scene, state: SceneState, robot: str, q: np.ndarray, what: str, code: Code) -> None:
+    """Raises InputError where a robot stands in something at q (n,)."""
     there = state.copy()
-    there.q[robot] = np.clip(q, *model.position_limits)
+    there.q[robot] = q
     hit = segments.standing_collision(scene, there, robot)
     if hit is not None:
         raise InputError(f"'{robot}' is {hit[1] * 1e3:.1f} mm inside at its {what}: {' and '.join(hit[0])}", code)
-    return there.q[robot]
 
 
 def _checked_pose(pose: np.ndarray | None) -> np.ndarray:

@@ -11,6 +11,7 @@ from hmap_core.exceptions import Code, HmapError
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import preconditions
 from hmap_core.planner.assembly import assemble, scene_at
+from hmap_core.planner.attainable_goal import attainable_goal
 from hmap_core.planner.components import PlannerComponents, local_components
 from hmap_core.planner.context import Budget, Record, SearchContext
 from hmap_core.planner.interfaces import ProgressCallback, ToolGrasp
@@ -20,6 +21,7 @@ from hmap_core.planner.search import Search
 from hmap_core.planner.search_tree import SearchTree
 from hmap_core.planner.solution_sequence import SolutionSequence
 from hmap_core.planner.tools import attach_tool, with_tool_attached
+from hmap_core.trajectory.measured_limits import within_limits
 from hmap_core.types import Plan, Scene, SceneState, SegmentKind
 from hmap_core.validation import Report, check
 
@@ -77,6 +79,7 @@ class PlanningJob:
         scene: the task, with everything where the job starts.
         start: where everything is.
         tool_grasp: the grasp on the tool that a robot holds at the start.
+        notes: what was changed of the state, for people.
         context: the job as the strategies see it.
         search: Algorithm 1.
     """
@@ -92,10 +95,18 @@ class PlanningJob:
         cancel: Cancel | None = None,
         began: float | None = None,
     ):
+        """The arguments are those of :meth:`HmapPlanner.plan`; ``began`` is ``time.monotonic()`` when the job began.
+
+        Raises:
+            InputError: the state does not fit the scene, or has a joint or a finger beyond its limits.
+        """
         self.tool_grasp = planner.tool_grasp
         self._as_written = state is None and self.tool_grasp is None
+        measured, self.notes = within_limits(scene, scene.start_state() if state is None else state)
+        if state is not None or self.notes:
+            state = measured
         if self.tool_grasp is not None:
-            state = with_tool_attached(scene, scene.start_state() if state is None else state, self.tool_grasp)
+            state = with_tool_attached(scene, measured, self.tool_grasp)
         self.scene = scene if state is None else scene_at(scene, state)
         self.start = self.scene.start_state() if state is None else state.copy()
         goal = scene.goal
@@ -118,10 +129,18 @@ class PlanningJob:
         preconditions.check_goal(self.scene, goal)
         if self._as_written:
             preconditions.check_bodies(self.scene, goal)
+        else:
+            preconditions.check_goal_support(self.scene, self.start, goal)
+        goal, moved = attainable_goal(self.scene, self.start, goal)
+        self.notes += moved
         attached = self.scene if self.tool_grasp is None else attach_tool(self.scene, self.tool_grasp)
         preconditions.check_robots(attached, self.start, goal.object)
         preconditions.check_reach(self.scene, self.start, goal)
         return self.search.plan(goal, SolutionSequence(self.start, tool_grasp=self.tool_grasp), self._accepted)
+
+    def noted(self) -> dict[str, list[str]]:
+        """The notes as a part of a plan's statistics; nothing where there are none."""
+        return {"notes": list(self.notes)} if self.notes else {}
 
     def _accepted(self, solution: Solution) -> Plan | None:
         """The plan, if the judge accepts it."""
@@ -138,6 +157,7 @@ class PlanningJob:
             "removal_depth": sequence.depth,
             **record.counts,
             "search": record.tree.root.to_dict(),
+            **self.noted(),
         }
         plan = assemble(self.scene, self.start, sequence.motions, waypoints, stats)
         self.context.report("checking", len(waypoints), len(waypoints), text="the judge looks at the plan")

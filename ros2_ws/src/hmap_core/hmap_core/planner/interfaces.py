@@ -68,11 +68,12 @@ class SubTrajectory:
     """One iteration of the inner loop: come, touch, carry, let go, retreat.
 
     The trajectory starts at time 0 in the state it was asked for, ends at rest, and holds only the robots and objects
-    that move; the segments cover it without gaps.
+    that move; the segments cover it without gaps. ``notes`` tell people what was changed of what was asked for.
     """
 
     trajectory: Trajectory
     segments: tuple[Segment, ...]
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

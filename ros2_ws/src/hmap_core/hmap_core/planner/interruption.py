@@ -117,7 +117,6 @@ def held_pose(scene: Scene, state: SceneState, contact: PlannedContact) -> np.nd
 
 def _timed(scene: Scene, robot: str, path: np.ndarray, speed: float, acceleration: float) -> JointTrajectory:
     model = scene.robots[robot].model
-    timed = time_parameterise(
-        path, speed * model.velocity_limits, acceleration * model.acceleration_limits, SAMPLE_PERIOD
-    )
+    limits = speed * model.velocity_limits, acceleration * model.acceleration_limits
+    timed = time_parameterise(path, *limits, SAMPLE_PERIOD, model.position_limits)
     return JointTrajectory(model.joint_names, timed.time, timed.q, timed.qd)

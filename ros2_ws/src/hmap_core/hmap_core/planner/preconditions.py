@@ -7,6 +7,7 @@ from hmap_core.exceptions import Code, ContactError, InputError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.shapes import body_set
 from hmap_core.komo.surroundings import robot_set
+from hmap_core.planner.attainable_goal import TOUCHING, attainable_goal
 from hmap_core.planner.segments import standing_collision
 from hmap_core.planner.tools import extent
 from hmap_core.transforms import IDENTITY, apply
@@ -26,20 +27,13 @@ def check_goal(scene: Scene, goal: Goal) -> None:
 
 
 def check_robots(scene: Scene, state: SceneState, object: str) -> None:
-    """Raises InputError where a robot stands beyond its limits or in something.
+    """Raises InputError where a robot stands in something.
 
     Args:
         scene: with what the robots hold as parts of their hands.
         object: that is to be handled.
     """
-    for name, robot in scene.robots.items():
-        q, limits = state.q[name], robot.model.position_limits
-        for joint, value, low, high in zip(robot.model.joint_names, q, *limits, strict=True):
-            if not low <= value <= high:
-                raise InputError(
-                    f"robot '{name}' starts with {joint} at {value:.4f}; allowed: {low:.4f} to {high:.4f}",
-                    Code.INVALID_INPUT,
-                )
+    for name in scene.robots:
         hit = standing_collision(scene, state, name, object)
         if hit is not None:
             raise InputError(
@@ -58,12 +52,12 @@ def check_bodies(scene: Scene, goal: Goal) -> None:
             body has no support in a physical task; INVALID_POSE, the goal pose has no support.
     """
     state = scene.start_state()
-    robots = {name: robot_set(robot, state.q[name], state.gripper[name]) for name, robot in scene.robots.items()}
+    robots = _robot_sets(scene, state)
     for name, body in scene.bodies.items():
         if body.kind == BodyKind.FIXED:
             continue
         key = f"{GROUPS[body.kind]}.{name}.pose"
-        near = _distances(scene, robots, name, body.pose)
+        near = _distances(scene, state, robots, name, body.pose)
         if near and near[0][0] < -PENETRATION_ALLOWED:
             depth, other = near[0]
             raise InputError(
@@ -73,10 +67,25 @@ def check_bodies(scene: Scene, goal: Goal) -> None:
             )
         if scene.mode == TaskMode.PHYSICAL:
             _check_hanging(near, f"'{name}' has no support at its start ({key})", HANGING, Code.INVALID_SCENE)
+    check_goal_support(scene, state, goal)
+
+
+def check_goal_support(scene: Scene, state: SceneState, goal: Goal) -> None:
+    """Checks that the object of a physical task has a support at its goal.
+
+    Raises:
+        InputError: INVALID_POSE; it has none, within the goal's tolerance neither.
+    """
     if scene.mode == TaskMode.PHYSICAL:
-        near = _distances(scene, robots, goal.object, goal.pose)
+        there, _ = attainable_goal(scene, state, goal)
+        near = _distances(scene, state, _robot_sets(scene, state), goal.object, there.pose)
         what = f"'{goal.object}' would have no support at its goal (goal.pose)"
-        _check_hanging(near, what, HANGING + goal.position_tolerance, Code.INVALID_POSE)
+        _check_hanging(near, what, TOUCHING, Code.INVALID_POSE)
+
+
+def _robot_sets(scene: Scene, state: SceneState) -> dict[str, ConvexSet]:
+    """The links of all robots in the world."""
+    return {name: robot_set(robot, state.q[name], state.gripper[name]) for name, robot in scene.robots.items()}
 
 
 def _check_hanging(near: list[tuple[float, str]], what: str, allowed: float, code: Code) -> None:
@@ -85,13 +94,15 @@ def _check_hanging(near: list[tuple[float, str]], what: str, allowed: float, cod
         raise InputError(f"{what}: {nearest}; at most {1e3 * allowed:g} mm is allowed in a physical task", code)
 
 
-def _distances(scene: Scene, robots: dict[str, ConvexSet], name: str, T: np.ndarray) -> list[tuple[float, str]]:
+def _distances(
+    scene: Scene, state: SceneState, robots: dict[str, ConvexSet], name: str, T: np.ndarray
+) -> list[tuple[float, str]]:
     """How far (m) a body at T (7,) is from each other body and robot, and their names for people, the nearest first.
 
     ``robots`` are their links in the world.
     """
     own = body_set(scene.bodies[name])
-    bodies = [(body_set(body), body.pose, f"'{other}'") for other, body in scene.bodies.items() if other != name]
+    bodies = [(body_set(b), state.poses[other], f"'{other}'") for other, b in scene.bodies.items() if other != name]
     around = bodies + [(links, IDENTITY, f"robot '{robot}'") for robot, links in robots.items()]
     return sorted((set_distance(own, T, other, place), what) for other, place, what in around)
 

@@ -96,6 +96,7 @@ class PlanRepair:
             "waypoints": len(self.ahead),
             "contacts": sum(len(subgoal.contacts) for subgoal in self.ahead),
             "mode_switches": sum(len(motion.segments) for motion in sequence.motions) - 1,
+            **self.job.noted(),
         }
         return assemble(self.scene, self.job.start, sequence.motions, goal.pose[None], stats)
 

@@ -15,7 +15,7 @@ from hmap_core.scenes.robots import load_robot_model
 from hmap_core.scenes.schema import CameraEntry, GoalEntry, RobotEntry, TaskFile
 from hmap_core.scenes.tasks import list_tasks
 from hmap_core.scenes.validate import validate
-from hmap_core.types import DEFAULT_EXECUTION_TOLERANCE, Body, BodyKind, Camera, Goal, Robot, Scene
+from hmap_core.types import DEFAULT_EXECUTION_TOLERANCE, JOINT_TOLERANCE, Body, BodyKind, Camera, Goal, Robot, Scene
 
 MIN_VIEW_ANGLE = np.deg2rad(0.1)  # smallest angle between a camera's viewing direction and its up direction
 
@@ -153,7 +153,7 @@ def build_robot(document: Document, name: str, entry: RobotEntry) -> Robot:
     if len(q) != len(model.joint_names):
         raise document.error((*here, "q"), f"must have {len(model.joint_names)} numbers, one for each joint")
     lower, upper = model.position_limits
-    for i in np.flatnonzero((q < lower) | (q > upper)):
+    for i in np.flatnonzero((q < lower - JOINT_TOLERANCE) | (q > upper + JOINT_TOLERANCE)):
         limits = f"[{lower[i]:g}, {upper[i]:g}]"
         raise document.error((*here, "q", int(i)), f"must be within the joint's limits {limits}")
     return Robot(name, model, entry.base.vector(), q)

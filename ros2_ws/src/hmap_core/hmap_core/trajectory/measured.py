@@ -7,6 +7,7 @@ stable and free. What has really changed stays as it was measured.
 
 import numpy as np
 
+from hmap_core.trajectory.measured_limits import within_limits
 from hmap_core.trajectory.samples import movable_bodies
 from hmap_core.transforms import pose, quaternion_multiply
 from hmap_core.types import Scene, SceneState
@@ -21,21 +22,23 @@ def without_noise(scene: Scene, measured: SceneState, planned: SceneState) -> Sc
     """The measured state, with the planned value wherever the two differ by no more than noise.
 
     Of a body these are height and tilt, if both are noise; its place and its turn about the vertical stay as measured.
-    Fixed bodies are where the scene has them. Joints and fingers are brought into their limits.
+    Fixed bodies are where the scene has them. Joints and fingers that are beyond a limit by no more than a measurement
+    may be are on it.
+
+    Raises:
+        InputError: a joint or a finger is farther beyond its limits.
     """
     poses = {name: body.pose.copy() for name, body in scene.bodies.items()}
     for name in set(movable_bodies(scene)) & measured.poses.keys():
         known = planned.poses.get(name)
         poses[name] = measured.poses[name].copy() if known is None else upright(measured.poses[name], known)
     q, gripper = {}, {}
-    for name, robot in scene.robots.items():
+    for name in scene.robots:
         near = np.abs(measured.q[name] - planned.q[name]) <= JOINT_NOISE
-        q[name] = np.clip(np.where(near, planned.q[name], measured.q[name]), *robot.model.position_limits)
-        hand, opening = robot.model.gripper, measured.gripper[name]
-        if abs(opening - planned.gripper[name]) <= OPENING_NOISE:
-            opening = planned.gripper[name]
-        gripper[name] = float(np.clip(opening, hand.min_opening, hand.open_opening)) if hand else opening
-    return SceneState(q, gripper, poses)
+        q[name] = np.where(near, planned.q[name], measured.q[name])
+        opening = measured.gripper[name]
+        gripper[name] = planned.gripper[name] if abs(opening - planned.gripper[name]) <= OPENING_NOISE else opening
+    return within_limits(scene, SceneState(q, gripper, poses))[0]
 
 
 def upright(T_measured: np.ndarray, T_planned: np.ndarray) -> np.ndarray:

@@ -13,6 +13,8 @@ class CubicSpline:
 
     Attributes:
         x: (K,) knots, increasing.
+        y: (K, n) values at the knots.
+        slopes: (K, n) derivatives at the knots.
     """
 
     def __init__(self, x: np.ndarray, y: np.ndarray, slopes: np.ndarray):
@@ -22,7 +24,7 @@ class CubicSpline:
             y: (K, n) values at the knots.
             slopes: (K, n) derivatives at the knots.
         """
-        self.x = x
+        self.x, self.y, self.slopes = x, y, slopes
         dx = np.diff(x)[:, None]
         chord = np.diff(y, axis=0) / dx
         curvature = (slopes[:-1] + slopes[1:] - 2.0 * chord) / dx
@@ -41,6 +43,44 @@ class CubicSpline:
         if order == 2:
             return c2 * 2.0 + c3 * t * 6.0
         raise ValueError(f"order = {order}; allowed are 0, 1 and 2")
+
+    def within(self, lower: np.ndarray, upper: np.ndarray) -> "CubicSpline":
+        """The curve through the same points that does not leave bounds between its knots.
+
+        A cubic polynomial lies in the convex hull of its Bezier control points. So slopes that put these within the
+        bounds are enough, as for monotone interpolation (Fritsch and Carlson, "Monotone Piecewise Cubic
+        Interpolation", 1980). Only columns of the curve that leave their bounds are changed; there, the second
+        derivative may jump at the knots.
+
+        Args:
+            lower, upper: (n,) bounds; all values at the knots are within them.
+        """
+        thirds = np.diff(self.x)[:, None] / 3.0
+        controls = np.stack([self.y[:-1] + thirds * self.slopes[:-1], self.y[1:] - thirds * self.slopes[1:]])
+        if ((controls >= lower) & (controls <= upper)).all():
+            return self
+        low, high = self._extremes()
+        outside = (low < lower) | (high > upper)
+        if not outside.any():
+            return self
+        largest, least = (upper - self.y)[:, outside], (lower - self.y)[:, outside]
+        slopes = self.slopes.copy()
+        bounded = slopes[:, outside]
+        bounded[:-1] = np.clip(bounded[:-1], least[:-1] / thirds, largest[:-1] / thirds)
+        bounded[1:] = np.clip(bounded[1:], -largest[1:] / thirds, -least[1:] / thirds)
+        slopes[:, outside] = bounded
+        return CubicSpline(self.x, self.y, slopes)
+
+    def _extremes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Least and largest values (n,) from the first knot to the last."""
+        c0, c1, c2, c3 = self._c
+        with np.errstate(divide="ignore", invalid="ignore"):  # where there are none
+            larger = -c2 - np.copysign(np.sqrt(c2 * c2 - 3.0 * c3 * c1), c2)
+            turns = np.stack([larger / (3.0 * c3), c1 / larger])
+        inside = (turns > 0.0) & (turns < np.diff(self.x)[:, None])
+        t = np.where(inside, turns, 0.0)
+        values = np.concatenate([(c0 + t * (c1 + t * (c2 + t * c3))).reshape(-1, c0.shape[1]), self.y])
+        return values.min(axis=0), values.max(axis=0)
 
 
 def natural_spline(x: np.ndarray, y: np.ndarray) -> CubicSpline:

@@ -1,6 +1,7 @@
 """Time-optimal timing of a joint path under velocity and acceleration limits.
 
-The geometry is a natural cubic spline over the joint-space chord length (:func:`spline`); the speed along it comes
+The geometry is a natural cubic spline over the joint-space chord length, kept within the position limits
+(:func:`spline`); the speed along it comes
 from TOPPRA (Pham and Pham, "A New Approach to Time-Optimal Path Parameterization Based on Reachability Analysis", T-RO
 2018).
 The result is stretched to a whole number of sampling periods, so that pieces join on one uniform grid.
@@ -20,6 +21,7 @@ LIMIT_MARGIN = 0.99  # share of the limits used in planning the speed; the rest 
 GRID_INTERVALS = 64  # of the path parameter, spread over the spline's pieces by length
 GRID_RETRIES = (1, 4)  # factors on GRID_INTERVALS that are tried in turn
 SPLINES_KEPT = 16  # a path is verified on the curve on which it is then timed
+LIMIT_ROUNDING = 1e-3  # rad or m that a point of a path may be beyond a position limit, as solvers are not exact
 STRETCH_ROUNDS = 20  # corrections of the duration when samples still exceed a limit
 
 
@@ -58,33 +60,51 @@ def distinct_points(path: np.ndarray) -> np.ndarray:
     return path[kept]
 
 
-def spline(path: np.ndarray) -> CubicSpline:
+def spline(path: np.ndarray, position_limits: np.ndarray | None = None) -> CubicSpline:
     """The curve that :func:`time_parameterise` follows through a path (M, n).
+
+    A natural spline; where that leaves the position limits between two points, with smaller slopes
+    (:meth:`CubicSpline.within`).
+
+    Args:
+        path: (M, n) joint positions.
+        position_limits: (2, n) lower and upper, which the whole curve keeps; points that are beyond them by no more
+            than LIMIT_ROUNDING are moved onto them. None: there are none.
 
     Returns:
         The curve from the chord length s in [0, L] (rad) to joint positions (n,); its knots are ``.x``, so L is
         ``.x[-1]``. A path of one point gives the constant curve on [0, 1].
 
     Raises:
-        MotionError: the path is empty, not a matrix, or not finite.
+        MotionError: the path is empty, not a matrix, not finite, or beyond the limits.
     """
     path = np.ascontiguousarray(_checked_path(path))
-    return _spline(path.tobytes(), path.shape[1])
+    if position_limits is None:
+        return _spline(path.tobytes(), path.shape[1], b"")
+    return _spline(path.tobytes(), path.shape[1], _checked_positions(path, position_limits).tobytes())
 
 
 @lru_cache(maxsize=SPLINES_KEPT)
-def _spline(path: bytes, joints: int) -> CubicSpline:
-    points = distinct_points(np.frombuffer(path).reshape(-1, joints))
+def _spline(path: bytes, joints: int, position_limits: bytes) -> CubicSpline:
+    points = np.frombuffer(path).reshape(-1, joints)
+    limits = np.frombuffer(position_limits).reshape(-1, joints)  # none, or lower and upper
+    points = distinct_points(np.clip(points, *limits) if len(limits) else points)
     if len(points) == 1:
         return natural_spline(np.array([0.0, 1.0]), np.repeat(points, 2, axis=0))
     chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    return natural_spline(chord, points)
+    curve = natural_spline(chord, points)
+    return curve.within(*limits) if len(limits) else curve
 
 
 def time_parameterise(
-    path: np.ndarray, velocity_limits: np.ndarray, acceleration_limits: np.ndarray, dt: float
+    path: np.ndarray,
+    velocity_limits: np.ndarray,
+    acceleration_limits: np.ndarray,
+    dt: float,
+    position_limits: np.ndarray | None = None,
 ) -> TimedPath:
-    """The fastest motion along ``spline(path)`` under the limits, from rest to rest, sampled every ``dt``.
+    """The fastest motion along ``spline(path, position_limits)`` under the limits, from rest to rest, sampled every
+    ``dt``.
 
     First and second finite differences of the samples stay within the limits, also where a piece that rests there is
     joined on before or after.
@@ -94,22 +114,28 @@ def time_parameterise(
         velocity_limits: (n,) rad/s, positive.
         acceleration_limits: (n,) rad/s^2, positive.
         dt: sampling period, s.
+        position_limits: (2, n) lower and upper, which all samples keep; None: there are none.
 
     Raises:
-        MotionError: wrong input, or no timing exists.
+        MotionError: wrong input, a point beyond the position limits, or no timing exists.
     """
     path = _checked_path(path)
+    if position_limits is not None:
+        position_limits = _checked_positions(path, position_limits)
+        path = np.clip(path, *position_limits)
     velocity_limits = _checked_limits("velocity", velocity_limits, path.shape[1])
     acceleration_limits = _checked_limits("acceleration", acceleration_limits, path.shape[1])
     if not (np.isfinite(dt) and dt > 0.0):
         raise MotionError(f"the sampling period is {dt} s; it has to be positive")
     if len(distinct_points(path)) == 1:
         return TimedPath(np.zeros(1), path[:1].copy(), np.zeros_like(path[:1]))
-    curve = spline(path)
+    curve = spline(path, position_limits)
     profile = _speed_profile(curve, LIMIT_MARGIN * velocity_limits, LIMIT_MARGIN * acceleration_limits)
     steps = max(1, int(np.ceil(profile.time[-1] / dt)))
     for _ in range(STRETCH_ROUNDS):
         timed = _sample(curve, profile, steps, dt, path[0], path[-1])
+        if position_limits is not None:
+            np.clip(timed.q, *position_limits, out=timed.q)  # rounding
         excess = _limit_excess(timed.q, velocity_limits, acceleration_limits, dt)
         if excess <= 1.0:
             return timed
@@ -135,6 +161,23 @@ def _checked_path(path: np.ndarray) -> np.ndarray:
         row, column = np.argwhere(~np.isfinite(path))[0]
         raise MotionError(f"point {row} of the path is {path[row, column]} at joint {column}; it has to be finite")
     return path
+
+
+def _checked_positions(path: np.ndarray, limits: np.ndarray) -> np.ndarray:
+    """The position limits (2, n) of a path that is within them but for LIMIT_ROUNDING."""
+    limits = np.ascontiguousarray(limits, float)
+    if limits.shape != (2, path.shape[1]) or not (limits[0] <= limits[1]).all():
+        raise MotionError(
+            f"the position limits are {limits.tolist()}; lower and upper of {path.shape[1]} joints needed"
+        )
+    excess = np.maximum(limits[0] - path, path - limits[1])
+    if excess.max() > LIMIT_ROUNDING:
+        point, joint = np.unravel_index(int(excess.argmax()), excess.shape)
+        allowed = f"{limits[0, joint]:.4f} to {limits[1, joint]:.4f}"
+        raise MotionError(
+            f"point {point} of the path has joint {joint + 1} at {path[point, joint]:.4f}; allowed: {allowed}"
+        )
+    return limits
 
 
 def _checked_limits(name: str, limits: np.ndarray, joints: int) -> np.ndarray:

@@ -23,6 +23,8 @@ def summary(plan: Plan) -> dict[str, str]:
     }
     if "planning_time_s" in stats:
         lines["planning time"] = f"{stats['planning_time_s']:.2f} s"
+    if "notes" in stats:
+        lines["notes"] = "; ".join(stats["notes"])
     replans = stats.get("obstacle_replans", [])
     if replans:
         lines["new plans"] = f"{len(replans)} because of obstacles"

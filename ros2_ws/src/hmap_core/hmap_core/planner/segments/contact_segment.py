@@ -29,11 +29,10 @@ from hmap_core.planner.segments.object_steps import thinned
 from hmap_core.planner.segments.parts import part
 from hmap_core.planner.segments.timing import ramp, timed_contact, timed_transit
 from hmap_core.planner.segments.transits import path_options, straight, transit_steps
-from hmap_core.planner.segments.verification import Masks, find_violations, worst_between_steps
+from hmap_core.planner.segments.verification import Masks, executed_spline, find_violations, worst_between_steps
 from hmap_core.planner.segments.violation import Part, PathResult, Violation
 from hmap_core.planner.transit import find_transit, resampled
 from hmap_core.planner.transit_search import FindTransit, TransitSearch
-from hmap_core.trajectory.timing import spline
 from hmap_core.transforms import consistent, inverse, multiply, multiply_all
 from hmap_core.types import Scene, SceneState, SegmentKind
 
@@ -115,7 +114,8 @@ class ContactSegment:
         after = self._drawn_back(self.T_end, self.start, Phase.RETREAT)
         path = np.concatenate([self.start[None], after])
         cols, masks = verification(self.collisions.arrays()), Masks(bit(Phase.RETREAT))
-        amount, pair = worst_between_steps(self.manipulation.model.chain, cols, spline(path), masks)
+        chain = self.manipulation.model.chain
+        amount, pair = worst_between_steps(chain, cols, executed_spline(chain, path), masks)
         if pair >= 0:
             violation = Violation(Part.LEAVING, amount, self.collisions.pair_name(pair))
             raise MotionError(f"robot '{self.robot}' cannot let '{self.object}' go: {violation}")
@@ -216,7 +216,8 @@ class ContactSegment:
     def _check(self, problem: SkeletonProblem, path: np.ndarray, cols: Collisions) -> tuple[Violation, ...]:
         """What a path (T, n) violates between its steps."""
         own = zip(Part, self._split(problem, path), strict=True)
-        curves = {name: spline(steps) for name, steps in own if name is Part.COMING or len(steps) > 1}
+        chain = problem.chain
+        curves = {name: executed_spline(chain, steps) for name, steps in own if name is Part.COMING or len(steps) > 1}
         knots = curves[Part.COMING].x
         turn = knots[-1 - APPROACH_STEPS] if len(knots) > APPROACH_STEPS else 0.0
         masks = {
@@ -225,8 +226,7 @@ class ContactSegment:
             Part.LEAVING: Masks(bit(Phase.RETREAT)),
         }
         parts = {name: (curve, masks[name]) for name, curve in curves.items()}
-        limits = self.scene.robots[self.robot].model.position_limits
-        return find_violations(problem.chain, self.collisions, verification(cols), limits, parts)
+        return find_violations(chain, self.collisions, verification(cols), parts)
 
     # --- trajectories
 

@@ -20,10 +20,13 @@ def timed(scene: Scene, robot: str, path: np.ndarray, speed: float, acceleration
 
     Args:
         speed, acceleration: shares of the joint limits that may be used.
+
+    Raises:
+        MotionError: a point of the path is beyond the joint limits.
     """
     model = scene.robots[robot].model
     limits = speed * model.velocity_limits, acceleration * model.acceleration_limits
-    return time_parameterise(path, *limits, SAMPLE_PERIOD).q
+    return time_parameterise(path, *limits, SAMPLE_PERIOD, model.position_limits).q
 
 
 def timed_contact(scene: Scene, robot: str, path: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 from hmap_core.collision.scene_model import Collisions
 from hmap_core.exceptions import MotionError
 from hmap_core.kinematics.chain import Chain
-from hmap_core.komo.allowances import relaxed, verification
+from hmap_core.komo.allowances import OVERLAP_ALLOWED, relaxed, verification
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.options import SolverOptions
 from hmap_core.komo.path_collisions import path_violations
@@ -24,13 +24,12 @@ JOINT_STEP = 0.2  # rad between two steps of a transit, about
 TRANSIT_STEPS = (8, 24)  # least and most
 SMOOTHNESS = 1.0 / 160.0  # weight of the squared accelerations, times the number of steps cubed
 STIFFNESS = 30.0  # first penalty of the constraints, as a multiple of that weight: first guesses are nearly feasible
-STANDING_DEPTH = 0.001  # m that a robot may stand inside of something when a plan begins
 
 
 def standing_collision(
     scene: Scene, state: SceneState, robot: str, object: str | None = None
 ) -> tuple[tuple[str, str], float] | None:
-    """What a robot stands in: the names of the two parts and how deep (m); None when it stands free.
+    """What a robot stands in by more than OVERLAP_ALLOWED: the names of the two parts and how deep (m); else None.
 
     Args:
         object: that is to be handled.
@@ -38,10 +37,10 @@ def standing_collision(
     manipulation = Manipulation(scene, state, robot, object)
     collisions = manipulation.standing_collisions()
     cols = collisions.arrays()
-    cols = cols._replace(min_distance=np.full_like(cols.min_distance, -STANDING_DEPTH))
+    cols = cols._replace(min_distance=np.full_like(cols.min_distance, -OVERLAP_ALLOWED))
     q = np.ascontiguousarray(state.q[robot])[None]
     excess, pair = path_violations(q, np.ones(1, np.int64), manipulation.model.chain, cols, 0.0)
-    return None if pair[0] < 0 else (collisions.pair_name(int(pair[0])), float(excess[0]) + STANDING_DEPTH)
+    return None if pair[0] < 0 else (collisions.pair_name(int(pair[0])), float(excess[0]) + OVERLAP_ALLOWED)
 
 
 def transit(
@@ -70,8 +69,8 @@ def transit(
     chain, start = manipulation.model.chain, state.q[robot]
     steps = transit_steps(start, q)
     problem = manipulation.problem(transit_skeleton(robot, q), (steps,), path_options(steps))
-    result = problem.solve(start, straight(start, q, steps))
     cols = _relaxed_at_ends(chain, problem.arrays(), start, q)
+    result = problem.keeping(cols).solve(start, straight(start, q, steps))
     path = np.concatenate([start[None], result.path]) if result.feasible else None
     if path is not None and not is_free(chain, verification(cols), path):
         path = None
@@ -85,10 +84,11 @@ def transit(
 
 
 def _relaxed_at_ends(chain: Chain, cols: Collisions, start: np.ndarray, goal: np.ndarray) -> Collisions:
-    """The pairs with the minimum distances that start and goal (n,) have; at the goal nothing may overlap."""
+    """The pairs with the minimum distances that start and goal (n,) have; the goal overlaps OVERLAP_ALLOWED at most."""
     at_start = relaxed(chain, cols, start, 1)
     at_goal = relaxed(chain, at_start, goal, 1)
-    return at_goal._replace(min_distance=np.maximum(at_goal.min_distance, np.minimum(at_start.min_distance, 0.0)))
+    deepest = np.minimum(at_start.min_distance, -OVERLAP_ALLOWED)
+    return at_goal._replace(min_distance=np.maximum(at_goal.min_distance, deepest))
 
 
 def _first_free(chain: Chain, cols: Collisions, ways: Iterator[np.ndarray]) -> np.ndarray | None:

@@ -1,4 +1,4 @@
-"""Verification of paths between their steps: a spline is executed, which has to be free and within limits."""
+"""Verification of paths between their steps: a spline is executed, which keeps the joint limits and has to be free."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +13,6 @@ from hmap_core.planner.segments.violation import Part, Violation
 from hmap_core.trajectory.spline import CubicSpline
 from hmap_core.trajectory.timing import spline
 
-LIMIT_SAMPLES = 10  # per step of a path, at which the joint limits are verified
 VERIFY_DEVIATION = 0.0001  # m of a path from the chords that are verified in its place
 
 
@@ -29,6 +28,15 @@ class Masks:
     phases: int
     turn: float = np.inf
     then: int = 0
+
+
+def executed_spline(chain: Chain, path: np.ndarray) -> CubicSpline:
+    """The curve along which a path (M, n) of the joints of a chain is executed; it keeps their limits.
+
+    Raises:
+        MotionError: a point of the path is beyond the limits.
+    """
+    return spline(path, np.array([chain.lower, chain.upper]))
 
 
 def worst_between_steps(chain: Chain, cols: Collisions, curve: CubicSpline, masks: Masks) -> tuple[float, int]:
@@ -51,38 +59,29 @@ def worst_between_steps(chain: Chain, cols: Collisions, curve: CubicSpline, mask
 
 
 def is_free(chain: Chain, cols: Collisions, path: np.ndarray, phases: int = 1) -> bool:
-    """Whether the spline of a path (M, n) keeps the minimum distances of the phases of a bit mask."""
-    return worst_between_steps(chain, cols, spline(path), Masks(phases))[1] < 0
+    """Whether the spline of a path (M, n) keeps the minimum distances of the phases of a bit mask.
 
-
-def limit_violation(part: Part, curve: CubicSpline, limits: np.ndarray) -> Violation | None:
-    """The joint limit (2, n) that the spline of a path exceeds the most."""
-    samples = curve(np.linspace(0.0, curve.x[-1], LIMIT_SAMPLES * len(curve.x)))
-    excess = np.maximum(limits[0] - samples, samples - limits[1]).max(axis=0)
-    return Violation(part, float(excess.max()), joint=int(excess.argmax())) if excess.max() > 0.0 else None
+    Raises:
+        MotionError: a point of the path is beyond the joint limits.
+    """
+    return worst_between_steps(chain, cols, executed_spline(chain, path), Masks(phases))[1] < 0
 
 
 def find_violations(
     chain: Chain,
     collisions: CollisionModel,
     cols: Collisions,
-    limits: np.ndarray,
     parts: Mapping[Part, tuple[CubicSpline, Masks]],
 ) -> tuple[Violation, ...]:
     """What the splines of the parts of a path violate.
 
     Args:
         collisions: names the pairs of ``cols``, whose minimum distances count.
-        limits: (2, n) of the joints.
         parts: spline and masks of each.
 
     Returns:
-        A joint limit alone, where one is exceeded; else the worst pair of each part that has one.
+        The worst pair of each part that has one.
     """
-    for part, (curve, _) in parts.items():
-        exceeded = limit_violation(part, curve, limits)
-        if exceeded is not None:
-            return (exceeded,)
     worst = {part: worst_between_steps(chain, cols, curve, masks) for part, (curve, masks) in parts.items()}
     return tuple(
         Violation(part, amount, collisions.pair_name(pair)) for part, (amount, pair) in worst.items() if pair >= 0

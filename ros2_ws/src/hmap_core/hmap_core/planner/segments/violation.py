@@ -16,25 +16,19 @@ class Part(StrEnum):
 
 @dataclass(frozen=True)
 class Violation:
-    """A constraint that the spline of a path violates between the steps.
+    """A minimum distance that the spline of a path violates between the steps.
 
     Attributes:
         part: of the path.
-        amount: m; rad (m for sliding joints) beyond a joint limit.
+        amount: m.
         pair: the two that are too close.
-        joint: the one that exceeds its limit, counted from 0; None for a pair.
     """
 
     part: Part
     amount: float
-    pair: tuple[str, str] | None = None
-    joint: int | None = None
+    pair: tuple[str, str]
 
     def __str__(self) -> str:
-        if self.pair is None:
-            if self.joint is None:
-                raise ValueError("a violation names a pair or a joint")
-            return f"joint {self.joint + 1} exceeds its limit by {self.amount:.2g} between steps"
         return f"{self.part}, {' and '.join(self.pair)} are {self.amount * 1e3:.1f} mm too close between steps"
 
 
@@ -59,4 +53,4 @@ class PathResult:
 
     def collides_first(self, part: Part) -> bool:
         """Whether a collision in this part is what goes wrong first."""
-        return bool(self.violations) and self.violations[0].pair is not None and self.violations[0].part == part
+        return bool(self.violations) and self.violations[0].part == part
