@@ -27,7 +27,17 @@ ROS_PREFIXES = ("rclpy", "rcl_", "ament_", "rosidl_", "launch", "tf2_", "rosbag2
 
 # Inside hmap_core a module imports modules of lower layers, and of its own where that makes no circle; lowest first.
 LAYERS = (
-    {"array_cache", "cache_locator", "compile_cache", "deferred", "exceptions", "garbage", "lazy", "transforms"},
+    {
+        "array_cache",
+        "cache_locator",
+        "command_line",
+        "compile_cache",
+        "deferred",
+        "exceptions",
+        "garbage",
+        "lazy",
+        "transforms",
+    },
     {"types"},
     {"mesh_files"},
     {"robot_description"},

@@ -292,8 +292,10 @@ def test_joints_that_the_robot_file_does_not_name_are_said(tmp_path):
         load_robot_model(str(write_robot(tmp_path, elbow(limit=LIMIT.replace("-1.5", "0.5")), "shoulder")))
 
 
-def test_robots_that_come_with_hmap_assume_nothing():
-    assert [robot_findings(name) for name in ("panda", "iiwa", "xarm6")] == [(), (), ()]
+def test_of_robots_that_come_with_hmap_nothing_is_assumed_but_two_inertias():
+    assert [robot_findings(name) for name in ("panda", "iiwa")] == [(), ()]
+    said = [str(finding) for finding in robot_findings("xarm6")]
+    assert len(said) == 2 and all("has no <inertia> that a body can have" in text for text in said)
 
 
 def test_infinite_limits_are_none(tmp_path):

@@ -1,21 +1,18 @@
-"""Finds the sub-command, parses the arguments, and turns errors into one line and an exit code."""
+"""Finds the sub-command and parses the arguments."""
 
 import argparse
-import os
 import sys
-import traceback
 from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import entry_points
 from types import ModuleType
 
-from hmap_core.exceptions import HmapError, InputError
+from hmap_core.command_line import keep_for_results, run_reported
 from hmap_core.garbage import collect_rarely
 
 ENTRY_POINTS = "hmap.commands"  # group of other packages' modules with HELP, add_arguments and run
 COMMANDS = ("tasks", "plan", "check", "execute", "bench", "plugins", "robot")
 BUILT_IN = {name: f"hmap_core.cli.{name}" for name in COMMANDS}
-YES, NO, BAD_INPUT = 0, 1, 2  # exit codes
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -29,29 +26,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     collect_rarely()
     arguments = _parse(sys.argv[1:] if argv is None else list(argv))
-    try:
-        code = arguments.module.run(arguments)
-        sys.stdout.flush()
-        return code
-    except BrokenPipeError:  # the reader of the results has ended, as with `hmap tasks | head -1`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return NO
-    except KeyboardInterrupt:
-        return _fail("interrupted", NO, arguments.debug)
-    except InputError as error:
-        return _fail(error, BAD_INPUT, arguments.debug)
-    except HmapError as error:
-        return _fail(error, NO, arguments.debug)
-    except Exception as error:
-        advice = "" if arguments.debug else " (--debug shows where)"
-        return _fail(f"[internal/INTERNAL] {type(error).__name__}: {error}{advice}", NO, arguments.debug)
-
-
-def _fail(problem: object, code: int, debug: bool) -> int:
-    if debug:
-        traceback.print_exc()
-    print("hmap: " + " ".join(str(problem).split()), file=sys.stderr)
-    return code
+    if arguments.module.__name__ in BUILT_IN.values():  # `hmap up` forks nodes and restarts itself
+        keep_for_results()
+    return run_reported(lambda: arguments.module.run(arguments), "hmap", arguments.debug)
 
 
 def _parse(argv: list[str]) -> argparse.Namespace:

@@ -6,15 +6,15 @@ output. It ends when its input ends. Output of libraries goes to standard error.
 
 import faulthandler
 import json
-import os
 import sys
+
+from hmap_core.command_line import keep_for_results
 
 
 def main() -> int:
     """Runs trials until standard input ends; returns exit code 0."""
     faulthandler.enable()
-    answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    keep_for_results()
     from hmap_core.evaluation.run import run_trial, warm_up  # after the redirection: some libraries print on import
     from hmap_core.evaluation.trial import Trial
 
@@ -25,7 +25,7 @@ def main() -> int:
         if task not in warm:
             warm_up(trial)
             warm.add(task)
-        print(json.dumps(run_trial(trial).to_dict()), file=answers, flush=True)
+        print(json.dumps(run_trial(trial).to_dict()), flush=True)
     return 0
 
 

@@ -13,6 +13,7 @@ between would be a second reading. yourdfpy also takes 0.6 s to import, and requ
 more libraries.
 """
 
+from hmap_core.robot_description.cleaned import cleaned_urdf
 from hmap_core.robot_description.description import Link, RobotDescription
 from hmap_core.robot_description.findings import Finding, Severity
 from hmap_core.robot_description.loader import load_robot_description
@@ -26,5 +27,6 @@ __all__ = [
     "Link",
     "RobotDescription",
     "Severity",
+    "cleaned_urdf",
     "load_robot_description",
 ]

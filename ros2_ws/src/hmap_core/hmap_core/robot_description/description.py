@@ -7,16 +7,18 @@ from xml.etree.ElementTree import Element
 
 from hmap_core.exceptions import Code, InputError
 from hmap_core.robot_description.findings import Finding, Severity
+from hmap_core.robot_description.inertia import Inertial
 from hmap_core.robot_description.tree import Joint, JointTree
 from hmap_core.types import Shape
 
 
 @dataclass(frozen=True)
 class Link:
-    """A link with its collision shapes, in the link frame."""
+    """A link with its collision shapes, in the link frame, and its mass properties, which may be assumed."""
 
     name: str
-    shapes: tuple[Shape, ...] = ()
+    shapes: tuple[Shape, ...]
+    inertial: Inertial
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +33,7 @@ class RobotDescription:
         root: name of the base link; empty if there is not exactly one.
         links, joints: by name, in the order of the file.
         findings: errors and warnings, in the order of the file.
+        packages: folders in which ``package://`` is looked for, beside the usual ones.
         element: the element ``<robot>``; None if the file is no URDF. Must not be modified.
     """
 
@@ -40,6 +43,7 @@ class RobotDescription:
     links: dict[str, Link] = field(default_factory=dict)
     joints: dict[str, Joint] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
+    packages: tuple[Path, ...] = ()
     element: Element | None = None
 
     @cached_property

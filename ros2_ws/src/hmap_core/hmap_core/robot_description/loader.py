@@ -8,6 +8,7 @@ from hmap_core.robot_description.description import Link, RobotDescription
 from hmap_core.robot_description.document import read_document
 from hmap_core.robot_description.findings import Finding
 from hmap_core.robot_description.geometry import read_shape
+from hmap_core.robot_description.inertia import read_inertial
 from hmap_core.robot_description.joints import check_mimics, read_joint
 from hmap_core.robot_description.node import Node
 from hmap_core.robot_description.tree import Joint, loops
@@ -46,11 +47,12 @@ def _load(file: Path, packages: tuple[Path, ...], _version: tuple[int, int]) -> 
     root = _root(robot, links, joined, joint_nodes)
     check_mimics(joint_nodes, list(joints.values()))
     findings.sort(key=lambda finding: finding.line)
-    return RobotDescription(file, element.get("name", ""), root, links, joints, tuple(findings), element)
+    return RobotDescription(file, element.get("name", ""), root, links, joints, tuple(findings), packages, element)
 
 
 def _links(robot: Node, file: Path, packages: Sequence[Path]) -> dict[str, Link]:
     links: dict[str, Link] = {}
+    moved = {child.element.get("link") for joint in robot.children("joint") for child in joint.children("child")}
     for node in robot.children("link"):
         name = node.text("name")
         if name is None:
@@ -68,7 +70,8 @@ def _links(robot: Node, file: Path, packages: Sequence[Path]) -> dict[str, Link]
             )
             for i, collision in enumerate(collisions)
         ]
-        links[name] = Link(name, tuple(shape for shape in found if shape is not None))
+        shapes = tuple(shape for shape in found if shape is not None)
+        links[name] = Link(name, shapes, read_inertial(node, shapes, quiet=name not in moved))
     if not links:
         robot.error("has no <link>")
     return links

@@ -13,7 +13,7 @@ import coacd
 import numpy as np
 import trimesh
 
-from hmap_core.exceptions import HmapError
+from hmap_core.command_line import YES, keep_for_results, run_reported
 from hmap_core.mesh_files import read_mesh
 
 CONCAVITY = 0.05  # largest deviation of a part from its hull, relative to the size of the mesh
@@ -54,15 +54,16 @@ def main() -> int:
     arguments = parser.parse_args()
     if not MIN_CONCAVITY <= arguments.concavity <= 1.0:
         parser.error(f"--concavity {arguments.concavity}: must be between {MIN_CONCAVITY} and 1")
-    try:
-        parts = decompose(arguments.mesh, arguments.concavity)
-    except HmapError as error:
-        print(error, file=sys.stderr)
-        return 2
+    keep_for_results()
+    return run_reported(lambda: _print_parts(arguments.mesh, arguments.concavity), "decompose")
+
+
+def _print_parts(mesh: Path, concavity: float) -> int:
+    parts = decompose(mesh, concavity)
     print("parts:")
     for part in parts:
         print(f"  - {{shape: mesh, mesh: {part.name}}}")
-    return 0
+    return YES
 
 
 if __name__ == "__main__":

@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from hmap_core.exceptions import Code, InputError
-from hmap_core.robot_description import Finding, RobotDescription, Severity, load_robot_description
+from hmap_core.robot_description import Finding, RobotDescription, Severity, cleaned_urdf, load_robot_description
 from hmap_core.types import RobotModel
 
 LIMIT_TOLERANCE = 1e-4  # rad or m, excess over a limit of the URDF that is attributed to rounding
@@ -153,6 +154,22 @@ def unnamed_joints(description: RobotDescription, arm: ArmEntry) -> list[Finding
     ]
 
 
+def simulated_urdf(model: RobotModel) -> Path:
+    """Path of the URDF that is simulated: the cleaned one, in which joints that nothing moves are fixed.
+
+    Raises:
+        InputError: INVALID_SCENE; the robot description has errors.
+    """
+    description = load_robot_description(model.urdf).require_valid()
+    return cleaned_urdf(description, _unnamed(description, _arm_entry(model)))
+
+
+def _arm_entry(model: RobotModel) -> ArmEntry:
+    gripper = model.gripper.joint_names if model.gripper else ()
+    limits = model.position_limits, model.velocity_limits
+    return ArmEntry(model.joint_names, model.end_effector_link, *limits, tuple(gripper))
+
+
 def checked_model(model: RobotModel) -> RobotModel:
     """Checks a robot model that comes from a message or a plan file.
 
@@ -175,8 +192,7 @@ def checked_model(model: RobotModel) -> RobotModel:
     for name in (model.end_effector_link, *(model.gripper.finger_links if model.gripper else ())):
         if name not in description.links:
             raise refused(f"link '{name}' is not in the URDF; it has {', '.join(description.links)}")
-    limits = model.position_limits, model.velocity_limits
-    arm = ArmEntry(model.joint_names, model.end_effector_link, *limits, tuple(gripper))
+    arm = _arm_entry(model)
     for problem in problems(description, arm):
         if problem.severity is Severity.ERROR:
             at = next((f" of joint '{model.joint_names[p]}'" for p in problem.place if isinstance(p, int)), "")

@@ -8,11 +8,16 @@ hand; these pairs are ignored with the reason ``gripper``. MoveIt's Setup Assist
 
 import argparse
 import itertools
+import sys
+from collections.abc import Sequence
 
 import numpy as np
 import pybullet
 
+from hmap_core.command_line import YES, keep_for_results, run_reported
+from hmap_core.exceptions import InputError
 from hmap_core.robot_description import load_robot_description
+from hmap_core.scenes.robot_rules import simulated_urdf
 from hmap_core.scenes.robots import load_robot_model
 from hmap_core.types import RobotModel
 
@@ -42,7 +47,7 @@ class _Sampler:
     def __init__(self, client: int, model: RobotModel):
         self._client = client
         self._model = model
-        self._body = pybullet.loadURDF(str(model.urdf), useFixedBase=True, physicsClientId=client)
+        self._body = pybullet.loadURDF(str(simulated_urdf(model)), useFixedBase=True, physicsClientId=client)
         self._joints: dict[str, int] = {}
         self._links = {pybullet.getBodyInfo(self._body, client)[0].decode(): -1}
         self._parent: dict[int, int] = {}
@@ -108,18 +113,26 @@ class _Sampler:
         return min((point[8] for point in points), default=FAR)
 
 
-def main() -> None:
-    """Prints the ignored pairs as YAML for a robot file."""
+def main(argv: Sequence[str] | None = None) -> int:
+    """Prints the ignored pairs as YAML for a robot file; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("robot", help="name of a robot model, or path of a robot file")
     parser.add_argument("--samples", type=int, default=SAMPLES)
     parser.add_argument("--seed", type=int, default=0)
-    arguments = parser.parse_args()
-    pairs = ignored_pairs(load_robot_model(arguments.robot), arguments.samples, np.random.default_rng(arguments.seed))
-    print("ignored_collisions:")
+    arguments = parser.parse_args(argv)
+    keep_for_results()
+    return run_reported(lambda: _print_pairs(arguments.robot, arguments.samples, arguments.seed), "collision_pairs")
+
+
+def _print_pairs(robot: str, samples: int, seed: int) -> int:
+    if samples < 1 or seed < 0:
+        raise InputError(f"--samples {samples} --seed {seed}: samples must be 1 or larger, the seed 0 or larger")
+    pairs = ignored_pairs(load_robot_model(robot), samples, np.random.default_rng(seed))
+    print("ignored_collisions:" if pairs else "ignored_collisions: []")
     for (a, b), reason in pairs.items():
         print(f"  - [{a}, {b}]  # {reason}")
+    return YES
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

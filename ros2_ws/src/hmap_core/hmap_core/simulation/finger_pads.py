@@ -32,7 +32,7 @@ PARALLEL = 0.02  # rad; fingers that turn more between closed and open get no pa
 def with_pads(model: RobotModel, folder: Path) -> Path:
     """A URDF with pads on its fingers, written to a folder; the model's own where its fingers do not stay parallel."""
     gripper = model.gripper
-    if gripper is None or model.urdf.suffix != ".urdf":
+    if gripper is None:
         return model.urdf
     urdf = load_urdf(model.urdf)
     found = [(link, _pad(urdf, model, link)) for link in gripper.finger_links]

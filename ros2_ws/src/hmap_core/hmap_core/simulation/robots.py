@@ -1,7 +1,7 @@
 """A robot in the physics server: its URDF, position-controlled joints, and fingers with realistic contact."""
 
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,7 @@ import pybullet
 from hmap_core import transforms
 from hmap_core.exceptions import InputError
 from hmap_core.kinematics.urdf import load_urdf
+from hmap_core.scenes.robot_rules import simulated_urdf
 from hmap_core.simulation.client import BulletClient
 from hmap_core.simulation.finger_pads import with_pads
 from hmap_core.simulation.settings import RENEWAL, RobotSettings
@@ -175,7 +176,7 @@ class SimulatedRobot:
         base = self.robot.base_pose
         try:
             with tempfile.TemporaryDirectory(prefix="hmap_urdf_") as folder:
-                urdf = with_pads(self.model, Path(folder))
+                urdf = with_pads(replace(self.model, urdf=simulated_urdf(self.model)), Path(folder))
                 return self._client.loadURDF(str(urdf), base[:3].tolist(), base[3:].tolist(), useFixedBase=True)
         except pybullet.error as error:
             raise InputError(f"robot '{self.robot.name}': PyBullet cannot load {self.model.urdf}: {error}") from error

@@ -1,5 +1,6 @@
 """Files that a plan names by URI, and the vertices of mesh files."""
 
+import re
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -58,7 +59,7 @@ def mesh_points(path: Path) -> np.ndarray:
         path: the file.
 
     Returns:
-        (V, 3), in the units of the file.
+        (V, 3), those that a face uses. In metres for COLLADA files, which have a unit; else in units of the file.
 
     Raises:
         InputError: INVALID_PLAN_FILE; the file cannot be read or has fewer than four vertices.
@@ -67,18 +68,34 @@ def mesh_points(path: Path) -> np.ndarray:
         points = _obj_points(path) if path.suffix.lower() == ".obj" else _other_points(path)
     except Exception as error:
         raise invalid_plan(f"mesh {path}: {error}") from error
-    if len(points) < 4:
-        raise invalid_plan(f"mesh {path}: {len(points)} points; a solid needs at least 4")
+    if len(points) < 4 or not np.isfinite(points).all():
+        raise invalid_plan(f"mesh {path}: {len(points)} points; a solid needs at least 4, all finite")
     return points
 
 
 def _obj_points(path: Path) -> np.ndarray:
-    lines = path.read_text(errors="replace").splitlines()
-    return np.array([line.split()[1:4] for line in lines if line.startswith("v ")], float).reshape(-1, 3)
+    vertices: list[list[str]] = []
+    used: set[int] = set()
+    for line in path.read_text(errors="replace").replace("\\\n", " ").splitlines():
+        words = line.split()
+        if words[:1] == ["v"]:
+            vertices.append(words[1:4])
+        elif words[:1] == ["f"]:
+            numbers = [int(word.partition("/")[0]) for word in words[1:]]
+            used |= {number - 1 if number > 0 else len(vertices) + number for number in numbers}
+    return np.array([vertices[i] for i in sorted(used)], float).reshape(-1, 3)
 
 
 def _other_points(path: Path) -> np.ndarray:
     import trimesh  # slow to import, and not needed for OBJ files
 
     mesh: Any = trimesh.load(path, force="mesh")  # declared without the attributes of a mesh
-    return np.asarray(mesh.vertices, float)
+    points = np.asarray(mesh.vertices, float)[np.unique(mesh.faces)]
+    return points * _collada_unit(path) if path.suffix.lower() == ".dae" else points
+
+
+def _collada_unit(path: Path) -> float:
+    """The unit of a COLLADA file, m."""
+    head = path.read_text(errors="replace").partition("</asset>")[0]
+    unit = re.search(r"<(?:\w+:)?unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']*)[\"']", head)
+    return float(unit.group(1)) if unit else 1.0

@@ -25,9 +25,12 @@ def _tracks(world: World) -> list[JointTrack]:
     tracks = []
     for name, robot in world.arms.items():
         d = robot.data
+        of_urdf = {joint.name: joint for joint in robot.tree.joints}
         for i, joint_name in enumerate(d.joint_names):
-            low, high = d.position_limits[:, i]
-            q, v, a = world.document.joints[name][:, i], d.velocity_limits[i], d.acceleration_limits[i]
+            joint = of_urdf[joint_name]  # the narrower limits of plan and URDF count; a velocity of 0 is none
+            low, high = max(d.position_limits[0, i], joint.lower), min(d.position_limits[1, i], joint.upper)
+            v = min(d.velocity_limits[i], joint.velocity or np.inf)
+            q, a = world.document.joints[name][:, i], d.acceleration_limits[i]
             tracks.append(JointTrack((name, joint_name), q, low, high, v, a))
         for joint in robot.tree.joints:
             if d.gripper is not None and joint.name in d.gripper.joint_names:

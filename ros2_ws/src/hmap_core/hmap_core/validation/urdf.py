@@ -1,18 +1,22 @@
 """Kinematics and collision shapes of a robot from its URDF, with the standard library and NumPy only."""
 
+import os
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
+from urllib.parse import unquote
+from xml.etree.ElementTree import Element, TreeBuilder
+from xml.parsers import expat
 
 import numpy as np
 
+from hmap_core.exceptions import InputError
 from hmap_core.validation import rigid
 from hmap_core.validation.files import invalid_plan, locate, mesh_points
 from hmap_core.validation.geometry import Solid, hull, solid
 
 MOVING = ("revolute", "continuous", "prismatic")
+SHORTEST_AXIS = 1e-6  # shorter ones have no direction
 
 
 @dataclass(frozen=True)
@@ -89,8 +93,18 @@ class Urdf:
         return self.chains[link][-1] if self.chains[link] else None
 
 
-def _numbers(text: str | None, default: tuple[float, ...]) -> np.ndarray:
-    return np.array(text.split() if text else default, float)
+def _numbers(text: str | None, default: tuple[float, ...], infinite: bool = False) -> np.ndarray:
+    """Numbers, as many as the default has; limits may be infinite."""
+    if text is None:
+        return np.array(default, float)
+    found = np.array(text.split(), float)
+    if len(found) != len(default) or np.isnan(found).any() or (np.isinf(found).any() and not infinite):
+        raise ValueError(f"'{text}' is not {len(default)} finite numbers")
+    return found
+
+
+def _number(element: Element, key: str, default: float, infinite: bool = False) -> float:
+    return float(_numbers(element.get(key), (default,), infinite)[0])
 
 
 def _attribute(element: Element, key: str) -> str:
@@ -119,8 +133,11 @@ def _joint(element: Element) -> Joint:
     axis = _numbers(axis_element.get("xyz") if axis_element is not None else None, (1, 0, 0))
     kind = _attribute(element, "type")
     if kind in MOVING:
-        axis = axis / np.linalg.norm(axis)
-    bounds = None if kind == "continuous" else limit
+        length = np.linalg.norm(axis)
+        if length < SHORTEST_AXIS:
+            raise ValueError(f"the axis {axis} has no direction")
+        axis = axis / length
+    bounds = limit if kind in ("revolute", "prismatic") else None
     R, p = _origin(element)
     return Joint(
         name=_attribute(element, "name"),
@@ -130,26 +147,42 @@ def _joint(element: Element) -> Joint:
         origin_R=R,
         origin_p=p,
         axis=axis,
-        lower=float(bounds.get("lower", 0.0)) if bounds is not None else -np.inf,
-        upper=float(bounds.get("upper", 0.0)) if bounds is not None else np.inf,
-        velocity=float(limit.get("velocity", "inf")) if limit is not None else np.inf,
+        lower=_number(bounds, "lower", 0.0, infinite=True) if bounds is not None else -np.inf,
+        upper=_number(bounds, "upper", 0.0, infinite=True) if bounds is not None else np.inf,
+        velocity=_number(limit, "velocity", np.inf, infinite=True) if limit is not None else np.inf,
         mimic=None
         if mimic is None
-        else (_attribute(mimic, "joint"), float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))),
+        else (_attribute(mimic, "joint"), _number(mimic, "multiplier", 1.0), _number(mimic, "offset", 0.0)),
     )
 
 
-def _mesh_file(name: str, urdf: Path) -> Path:
-    """Path of a mesh. ``package://`` is relative to the URDF's folder, as in PyBullet, or to a folder above it."""
+def _candidates(name: str, urdf: Path) -> list[Path]:
+    """Where a mesh may be: beside the URDF or in any folder above it; for ``package://`` also in ROS' index."""
     scheme, separator, rest = name.partition("://")
-    if separator and scheme != "package":
-        return locate(name)
     relative = rest if separator else name
     folders = [urdf.parent, *urdf.parents]
-    candidates = [folder / part for part in (relative, relative.partition("/")[2]) if part for folder in folders[:4]]
-    for candidate in candidates:
-        if candidate.is_file():
-            return candidate
+    found = [folder / relative for folder in folders]
+    if scheme == "package" and separator:
+        package, _, inside = relative.partition("/")
+        index = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+        found += [Path(prefix) / "share" / relative for prefix in index if prefix]
+        for source in filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)):
+            found.append(Path(source) / relative)
+            if Path(source).name == package:
+                found.append(Path(source) / inside)
+        found += [folder / inside for folder in folders if inside]  # the package's folder has another name
+    return found
+
+
+def _mesh_file(name: str, urdf: Path) -> Path:
+    """Path of a mesh."""
+    scheme, separator, _ = name.partition("://")
+    if separator and scheme not in ("package", "file"):
+        return locate(name)
+    for spelling in (name, unquote(name), name.replace("\\", "/")):
+        for candidate in _candidates(spelling, urdf):
+            if candidate.is_file():
+                return candidate
     raise invalid_plan(f"{urdf}: no mesh {name!r} in its folder or those above it")
 
 
@@ -157,17 +190,21 @@ def _collision_solid(geometry: Element, urdf: Path) -> Solid:
     child = geometry[0]
     if child.tag == "mesh":
         name = _attribute(child, "filename")
-        points = mesh_points(_mesh_file(name, urdf)) * _numbers(child.get("scale"), (1, 1, 1))
-        return hull(points, name)
+        return hull(mesh_points(_mesh_file(name, urdf)) * _numbers(child.get("scale"), (1, 1, 1)), name)
     if child.tag == "box":
-        return solid("box", tuple(_numbers(child.get("size"), ()).tolist()))
-    if child.tag == "sphere":
-        return solid("sphere", (float(_attribute(child, "radius")),))
-    if child.tag in ("cylinder", "capsule"):
-        return solid(child.tag, (float(_attribute(child, "radius")), float(_attribute(child, "length"))))
+        return _primitive(child, _numbers(_attribute(child, "size"), (0, 0, 0)))
+    if child.tag in ("sphere", "cylinder", "capsule"):
+        keys = ("radius",) if child.tag == "sphere" else ("radius", "length")
+        return _primitive(child, np.array([float(_attribute(child, key)) for key in keys]))
     raise invalid_plan(
         f"{urdf}: unknown collision geometry {child.tag!r}; allowed: mesh, box, sphere, cylinder, capsule"
     )
+
+
+def _primitive(element: Element, size: np.ndarray) -> Solid:
+    if not (np.isfinite(size).all() and size.min() > 0.0):
+        raise ValueError(f"a <{element.tag}> of size {size}")
+    return solid(element.tag, tuple(size.tolist()))
 
 
 def _link_shapes(element: Element, urdf: Path) -> list[LinkShape]:
@@ -180,13 +217,52 @@ def _link_shapes(element: Element, urdf: Path) -> list[LinkShape]:
 
 
 def _ordered(joints: list[Joint], root: str) -> tuple[Joint, ...]:
+    below: dict[str, list[Joint]] = {}
+    for joint in joints:
+        below.setdefault(joint.parent, []).append(joint)
     ordered, frontier = [], [root]
-    while frontier:
-        link = frontier.pop(0)
-        below = [joint for joint in joints if joint.parent == link]
-        ordered += below
-        frontier += [joint.child for joint in below]
+    for link in frontier:
+        ordered += below.get(link, [])
+        frontier += [joint.child for joint in below.get(link, [])]
     return tuple(ordered)
+
+
+def _tree(path: Path, links: list[str], joints: list[Joint]) -> tuple[str, tuple[Joint, ...]]:
+    """Name of the base link, and the joints in order; they have to form one tree of links that exist."""
+    children = [joint.child for joint in joints]
+    for kind, names in (("link", links), ("joint", [joint.name for joint in joints]), ("child link", children)):
+        twice = {name for name in names if names.count(name) > 1}
+        if twice:
+            raise invalid_plan(f"{path}: the {kind} {', '.join(sorted(twice))} is there twice")
+    missing = {link for joint in joints for link in (joint.parent, joint.child)} - set(links)
+    if missing:
+        raise invalid_plan(f"{path}: joints name the links {', '.join(sorted(missing))}, which are missing")
+    roots = [link for link in links if link not in children]
+    if len(roots) != 1:
+        raise invalid_plan(f"{path}: {len(roots)} links without a parent; a robot has exactly one")
+    ordered = _ordered(joints, roots[0])
+    if len(ordered) != len(joints):
+        loop = {joint.name for joint in joints} - {joint.name for joint in ordered}
+        raise invalid_plan(f"{path}: the joints {', '.join(sorted(loop))} form a loop")
+    return roots[0], ordered
+
+
+def _element(path: Path) -> Element:
+    """The root element; xacro files are expanded. Prefixes of tags need not be declared, as in PyBullet."""
+    data = path.read_bytes().lstrip()
+    root = None if path.suffix == ".xacro" else _parsed(data)
+    if root is None or any(element.tag.startswith("xacro:") for element in root.iter()):
+        import xacro  # optional, and only for xacro files
+
+        root = _parsed(xacro.process_file(str(path)).toxml().encode())
+    return root
+
+
+def _parsed(data: bytes) -> Element:
+    builder, parser = TreeBuilder(), expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    parser.Parse(data, True)
+    return builder.close()
 
 
 @lru_cache(maxsize=16)
@@ -204,13 +280,13 @@ def load(uri: str) -> Urdf:
     """
     path = locate(uri)
     try:
-        robot = ElementTree.parse(path).getroot()
+        robot = _element(path)
         joints = [_joint(element) for element in robot.findall("joint")]
         links = [_attribute(element, "name") for element in robot.findall("link")]
         shapes = [shape for element in robot.findall("link") for shape in _link_shapes(element, path)]
-    except (ElementTree.ParseError, AttributeError, ValueError, TypeError, IndexError) as error:
+    except InputError:
+        raise
+    except Exception as error:  # xacro evaluates expressions of the file, which raise exceptions of any type
         raise invalid_plan(f"{path}: not a readable URDF ({error})") from error
-    roots = [link for link in links if link not in {joint.child for joint in joints}]
-    if len(roots) != 1:
-        raise invalid_plan(f"{path}: {len(roots)} links without a parent; a robot has exactly one")
-    return Urdf(roots[0], tuple(links), _ordered(joints, roots[0]), tuple(shapes))
+    root, ordered = _tree(path, links, joints)
+    return Urdf(root, tuple(links), ordered, tuple(shapes))
