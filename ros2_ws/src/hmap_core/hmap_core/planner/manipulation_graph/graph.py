@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hmap_core.planner.manipulation_graph.grasp_sets import GraspSet
-from hmap_core.planner.manipulation_graph.placements import Placement
+from hmap_core.planner.manipulation_graph.placements import SAME_TILT, Placement
 from hmap_core.planner.solution_sequence import SolutionSequence
 from hmap_core.types import ContactPoint
 
@@ -16,7 +16,12 @@ FEW_COST = 0.5
 SLIDE_COST = 1.3  # of an edge over which the object is pushed
 SLIDE_WEIGHT, TURN_WEIGHT = 1.0, 0.3  # cost of a metre and of a radian of such an edge
 FAILURE_COST = 2.0  # more for each try of an edge that failed
+SIMILAR_COST = 0.5  # more for the same contact to a similar placement
+SIMILAR = 0.05  # m between similar placements that are turned alike
 TRIES = 2  # after which an edge is given up
+SLIDES_TRIED = (
+    4  # failed edges from one placement, without one that was planned, after which it is not pushed from there
+)
 DONE_COST = 0.3  # of an edge that is planned: it makes the plan longer
 HANDS = 3  # grasps for one edge that are tried
 
@@ -69,6 +74,8 @@ class ManipulationGraph:
         np.fill_diagonal(self._cost, np.inf)
         self._cost[:, START] = self._cost[GOAL] = np.inf
         self._price = price
+        self._more = np.zeros((n, n))  # cost of edges that are like one that failed
+        self._slides = np.zeros(n)  # failed edges from each node over which the object is pushed
 
     def cheapest(self) -> list[int] | None:
         """Numbers of the nodes on the cheapest way from a reached node to the goal; None where there is none.
@@ -80,6 +87,11 @@ class ManipulationGraph:
             if way is None:
                 return None
             edges = list(zip(way[:-1], way[1:], strict=True))
+            stuck = [edge for edge in edges if self._is_stuck(edge)]
+            for edge in stuck:
+                self._cost[edge] = np.inf
+            if stuck:
+                continue
             if not any(self._look(edge) for edge in edges) and not any(self._check(edge) for edge in edges):
                 return way
 
@@ -90,6 +102,7 @@ class ManipulationGraph:
     def solved(self, a: int, b: int, sequence: SolutionSequence) -> None:
         """Note that an edge was planned."""
         self.reached[b] = sequence
+        self._slides[a] = -np.inf
         self._cost[a, b] = DONE_COST
 
     def failed(self, a: int, b: int) -> None:
@@ -98,6 +111,17 @@ class ManipulationGraph:
         edge.tries += 1
         edge.checked = edge.sliding
         self._cost[a, b] += FAILURE_COST if edge.tries < TRIES else np.inf
+        here = self.nodes[b]
+        for k, other in enumerate(self.nodes):
+            near = np.linalg.norm(other.pose[:3] - here.pose[:3]) < SIMILAR
+            if k not in (b, GOAL) and near and np.abs(other.up - here.up).max() < SAME_TILT:
+                self._cost[a, k] += SIMILAR_COST
+                self._more[a, k] += SIMILAR_COST
+        self._slides[a] += edge.sliding
+
+    def _is_stuck(self, edge: tuple[int, int]) -> bool:
+        """Whether an edge is a push from where no push was planned."""
+        return edge in self._edges and self._edges[edge].sliding and self._slides[edge[0]] >= SLIDES_TRIED
 
     def _shortest(self) -> list[int] | None:
         """The way by Dijkstra's algorithm with the costs that are known now."""
@@ -128,18 +152,19 @@ class ManipulationGraph:
         common = sum(int((grasp.serves(a.pose) & grasp.serves(b.pose)).sum()) for grasp in self._grasps)
         self._edges[edge] = Edge(sliding=common == 0)
         if common:
-            self._cost[edge] = GRASP_COST + FEW_COST * max(0.0, 1.0 - common / FEW_GRASPS) + self._price[edge[1]]
+            few = FEW_COST * max(0.0, 1.0 - common / FEW_GRASPS)
+            self._cost[edge] = GRASP_COST + few + self._price[edge[1]] + self._more[edge]
         else:
             self._cost[edge] = self._sliding_cost(edge)
         return True
 
     def _sliding_cost(self, edge: tuple[int, int]) -> float:
         a, b = (self.nodes[k] for k in edge)
-        if not a.slides_to(b):
+        if not a.slides_to(b) or self._slides[edge[0]] >= SLIDES_TRIED:
             return np.inf
         way = float(np.linalg.norm(a.pose[:2] - b.pose[:2]))
         turn = 2.0 * float(np.arccos(min(1.0, abs(float(a.pose[3:] @ b.pose[3:])))))
-        return SLIDE_COST + SLIDE_WEIGHT * way + TURN_WEIGHT * turn + self._price[edge[1]]
+        return SLIDE_COST + SLIDE_WEIGHT * way + TURN_WEIGHT * turn + self._price[edge[1]] + float(self._more[edge])
 
     def _check(self, edge: tuple[int, int]) -> bool:
         """Check an edge by inverse kinematics at both ends; whether it has become more expensive."""

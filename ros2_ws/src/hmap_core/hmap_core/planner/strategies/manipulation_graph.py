@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from hmap_core.planner.search import Search
 
 EDGES_PLANNED = 16  # in one round
+ROUNDS = 2  # of the outer loop in which a graph is searched
 
 
 class ManipulationGraphStrategy:
@@ -31,7 +32,7 @@ class ManipulationGraphStrategy:
 
     def applies(self, task: PathTask) -> bool:
         """Whether the task is physical, about the task's own object, and several contacts may be used."""
-        return task.subgoal.depth == 0 and not task.subgoal.whole and not task.kinematic
+        return task.subgoal.depth == 0 and task.number < ROUNDS and not task.subgoal.whole and not task.kinematic
 
     def solve(self, search: "Search", task: PathTask) -> Outcome:
         """Plan edges on the cheapest way to the goal until it is reached, or no way is left."""
