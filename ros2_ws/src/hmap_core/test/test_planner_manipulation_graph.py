@@ -153,6 +153,19 @@ def test_there_may_be_no_way():
     assert graph_of(Grasps({0, 1}, reached=False), heights=APART).cheapest() is None
 
 
+def test_a_push_all_the_way_was_tried_before():
+    assert graph_of(Grasps({2}), heights=(0.0, 0.0, 1.0, 2.0, 3.0)).cheapest() is None
+
+
+def test_no_pushes_from_where_none_could_be_planned():
+    graph = graph_of(Grasps({1, 2, 3, 4, 5, 6}), heights=(0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    tried = []
+    while (way := graph.cheapest()) is not None:
+        tried.append(way[1])
+        graph.failed(way[0], way[1])
+    assert len(tried) == graphs.SLIDES_TRIED
+
+
 def test_a_failed_edge_is_priced_and_given_up_at_last():
     graph = graph_of(Grasps({0, 3, 4}, {3, 4, 1}), heights=APART)
     ways = []

@@ -160,7 +160,8 @@ class ManipulationGraph:
 
     def _sliding_cost(self, edge: tuple[int, int]) -> float:
         a, b = (self.nodes[k] for k in edge)
-        if not a.slides_to(b) or self._slides[edge[0]] >= SLIDES_TRIED:
+        tried_before = edge == (START, GOAL)  # by the strategies for one object path
+        if not a.slides_to(b) or self._slides[edge[0]] >= SLIDES_TRIED or tried_before:
             return np.inf
         way = float(np.linalg.norm(a.pose[:2] - b.pose[:2]))
         turn = 2.0 * float(np.arccos(min(1.0, abs(float(a.pose[3:] @ b.pose[3:])))))

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 EDGES_PLANNED = 16  # in one round
 ROUNDS = 2  # of the outer loop in which a graph is searched
+_REASONS = ("to an intermediate placement", "to its goal")
 
 
 class ManipulationGraphStrategy:
@@ -46,7 +47,8 @@ class ManipulationGraphStrategy:
             a, b = way[0], way[1]
             edge = graph.edge(a, b)
             final = len(way) == 2
-            subgoal = replace(task.subgoal, goal=goal) if final else _to(task.subgoal, goal, graph.nodes[b])
+            own = goal if final else Goal(goal.object, graph.nodes[b].pose)
+            subgoal = replace(task.subgoal, goal=own, depth=task.subgoal.depth + 1, reason=_REASONS[final])
             contact = "slide" if edge.sliding else "grasp"
             where = "its goal" if final else "({:.3f}, {:.3f}, {:.3f})".format(*graph.nodes[b].pose[:3])
             with record.tree.attempt(f"placement {a} to {b} at {where}: {contact}") as node:
@@ -96,9 +98,3 @@ class ManipulationGraphStrategy:
             if isinstance(outcome, Solution) or outcome.ends_round:
                 return outcome
         return Failure.of(context.record.error or PlannerError("no path of the object and a hand", Code.NO_MOTION))
-
-
-def _to(subgoal: Subgoal, goal: Goal, placement: Placement) -> Subgoal:
-    return replace(
-        subgoal, goal=Goal(goal.object, placement.pose), depth=subgoal.depth + 1, reason="to an intermediate placement"
-    )
