@@ -3,6 +3,7 @@
 import hashlib
 import os
 from collections.abc import Callable, Iterable
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
@@ -28,7 +29,7 @@ def kept_arrays(
         The arrays, to the last bit as they were computed.
     """
     key = hashlib.sha256(Path(source).read_bytes())
-    for part in (*(f"{name} {version(name)}".encode() for name in libraries), *inputs):
+    for part in (*(_release(name) for name in libraries), *inputs):
         key.update(len(part).to_bytes(8, "little") + part)
     file = cache_root() / source_hash() / "arrays" / f"{key.hexdigest()[:32]}.npy"
     try:
@@ -37,6 +38,12 @@ def kept_arrays(
         arrays = compute()
     _write(file, arrays)
     return arrays
+
+
+@cache
+def _release(library: str) -> bytes:
+    """Name and version of a distribution; looking it up takes longer than reading an array."""
+    return f"{library} {version(library)}".encode()
 
 
 def _read(file: Path) -> Arrays:

@@ -22,6 +22,7 @@ FLAT = 1e-6  # thickness relative to the largest extent below which a mesh count
 MAX_HULL_VERTICES = (
     8192  # of a hull; larger ones are simplified. Indices of vertices have 16 bits in the collision checks
 )
+FILES_KEPT = 16384  # whose hulls a process keeps; a decomposed body has one for each of its parts
 CHUNK = 256  # directions at once in the computation of support points
 
 # What was assumed in reading a mesh: bits of a number, so that they can be kept with the hull.
@@ -85,7 +86,7 @@ def read_hull(path: Path) -> MeshHull:
     return _hull(path, state.st_mtime_ns, state.st_size)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=FILES_KEPT)
 def _hull(path: Path, _changed: int, _size: int) -> MeshHull:
     def compute() -> tuple[np.ndarray, np.ndarray]:
         mesh, notes = _read(path)

@@ -10,10 +10,12 @@ import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
+from scipy.spatial import ConvexHull
 
 from hmap_core import transforms
 from hmap_core.exceptions import Code, InputError
-from hmap_core.scenes import list_robots, list_tasks, load_robot_model, load_scene, resources
+from hmap_core.mesh_files import read_hull
+from hmap_core.scenes import convex_parts, list_robots, list_tasks, load_robot_model, load_scene, resources
 from hmap_core.scenes.decompose import decompose
 from hmap_core.scenes.json_schema import MODELS, schema_folder, schema_text
 from hmap_core.simulation.collision_pairs import ignored_pairs
@@ -227,11 +229,33 @@ def test_a_concave_mesh_is_refused_unless_its_hull_is_meant(task, tmp_path: Path
     trimesh.creation.annulus(0.02, 0.05, 0.05).export(tmp_path / "ring.stl")
     trimesh.creation.icosphere(radius=0.05).export(tmp_path / "ball.stl")
     old = "shape: cylinder, size: [0.03, 0.02]"
-    with pytest.raises(InputError, match="concave or open.*convex parts.*convex_hull: true"):
+    with pytest.raises(InputError, match="concave or open.*decompose: true.*convex parts.*convex_hull: true"):
         load_scene(task(old, "shape: mesh, mesh: ring.stl"))
     for mesh in ("mesh: ring.stl, convex_hull: true", "mesh: ball.stl, size: [1, 1, 0.5]"):
         shape = load_scene(task(old, f"shape: mesh, {mesh}")).bodies["puck"].shapes[0]
         assert shape.kind is ShapeKind.MESH and shape.mesh is not None and shape.mesh.parent == tmp_path
+
+
+def test_a_concave_mesh_is_decomposed_once(task, tmp_path: Path, monkeypatch, caplog) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    trimesh.creation.annulus(0.02, 0.05, 0.05).export(tmp_path / "ring.stl")
+    trimesh.creation.icosphere(radius=0.05).export(tmp_path / "ball.stl")
+    file = task("shape: cylinder, size: [0.03, 0.02]", "shape: mesh, mesh: ring.stl, size: [1, 1, 2], decompose: true")
+    shapes = load_scene(file).bodies["puck"].shapes
+    assert len(shapes) > 3 and "ring.stl" in caplog.text and "once" in caplog.text
+    hulls = [read_hull(shape.mesh).vertices for shape in shapes]
+    assert all(shape.size == (1.0, 1.0, 2.0) for shape in shapes)
+    assert all(np.linalg.norm(hull.mean(axis=0)[:2]) > 0.02 for hull in hulls)  # the hole stays open
+    volume = sum(ConvexHull(hull).volume for hull in hulls)
+    assert volume == pytest.approx(np.pi * (0.05**2 - 0.02**2) * 0.05, rel=0.15)
+    caplog.clear()
+    convex_parts._kept.cache_clear()
+    assert load_scene(file).bodies["puck"].shapes[0].mesh == shapes[0].mesh and not caplog.text
+    convex = load_scene(task("shape: cylinder, size: [0.03, 0.02]", "shape: mesh, mesh: ball.stl, decompose: true"))
+    assert [shape.mesh for shape in convex.bodies["puck"].shapes] == [tmp_path / "ball.stl"]
+    both = "shape: mesh, mesh: ring.stl, decompose: true, convex_hull: true"
+    with pytest.raises(InputError, match="convex_hull: true or decompose: true, not both"):
+        load_scene(task("shape: cylinder, size: [0.03, 0.02]", both))
 
 
 def test_a_users_object_and_robot_lie_beside_the_task(task, tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ import pytest
 import validation_fixtures as plans
 from scipy.spatial.transform import Rotation
 
-from hmap_core.validation import collision, contacts, document, limits, rigid
+from hmap_core.validation import collision, contacts, document, judge, limits, rigid
 from hmap_core.validation.bounds import Bounds, PartBoxes
 from hmap_core.validation.pairs import PairBuilder
 from hmap_core.validation.report import Findings
@@ -125,3 +125,27 @@ def test_turn_along_rotations_is_exact_for_small_and_large_turns():
     R = Rotation.from_rotvec(np.cumsum(np.append(0.5, turns))[:, None] * axis).as_matrix()
     assert rigid.step_angles(R) == pytest.approx(turns, abs=1e-7)
     assert rigid.step_angles(R)[1:3] == pytest.approx(turns[1:3], rel=1e-6)
+
+
+@pytest.mark.parametrize("reach", [0.0, 0.05, 0.5])
+def test_pairs_that_are_left_out_stay_farther_apart_than_that(world, reach):
+    builder = PairBuilder(world, set())
+    near, every = builder.build(reach), builder.build()
+    kept = {(pair.a, pair.b) for pair in near}
+    assert [(pair.a, pair.b) for pair in every if (pair.a, pair.b) in kept] == [(pair.a, pair.b) for pair in near]
+    left = [pair for pair in every if (pair.a, pair.b) not in kept]
+    assert all(measured(world, pair).min() > reach for pair in left)
+    assert left or reach > 0.05
+
+
+@pytest.mark.parametrize("near", [judge.NEAR, -1.0])
+def test_the_clearance_is_that_of_the_nearest_pair_however_far_that_is(urdf, near, monkeypatch):
+    """Where no pair is near, the others are looked at as well."""
+    plan = plans.carry(urdf)
+    before = judge.check(plan)
+    monkeypatch.setattr(judge, "NEAR", near)
+    post = plan["scene"]["bodies"][0] | {"size": [0.1, 0.1, 0.1]}
+    plan["scene"]["bodies"] += [post | {"name": f"far{k}", "pose": plans.pose(9.0 + k, 5.0, 0.5)} for k in range(200)]
+    after = judge.check(plan)
+    assert after.valid == before.valid and after.violations == before.violations
+    assert after.min_clearance_m == pytest.approx(before.min_clearance_m)

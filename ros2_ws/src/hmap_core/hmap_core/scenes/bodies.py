@@ -6,6 +6,7 @@ import numpy as np
 
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes import meshes, resources
+from hmap_core.scenes.convex_parts import convex_parts
 from hmap_core.scenes.document import Document, Location, read
 from hmap_core.scenes.fields import did_you_mean
 from hmap_core.scenes.parameters import draw
@@ -103,19 +104,29 @@ def _object_path(document: Document, location: Location, name: str) -> Path:
 def _shapes(document: Document, location: Location, source: Geometry) -> tuple[Shape, ...]:
     if source.parts is None:
         part = Part.model_construct(
-            shape=source.shape, size=source.size, mesh=source.mesh, convex_hull=source.convex_hull
+            shape=source.shape,
+            size=source.size,
+            mesh=source.mesh,
+            convex_hull=source.convex_hull,
+            decompose=source.decompose,
         )
-        return (_shape(document, location, part),)
-    return tuple(_shape(document, (*location, "parts", i), part) for i, part in enumerate(source.parts))
+        return _part(document, location, part)
+    parts = [_part(document, (*location, "parts", i), part) for i, part in enumerate(source.parts)]
+    return tuple(shape for part in parts for shape in part)
 
 
-def _shape(document: Document, location: Location, part: Part) -> Shape:
+def _part(document: Document, location: Location, part: Part) -> tuple[Shape, ...]:
+    """The shape of an entry, or the convex parts of a mesh that is decomposed."""
     size = tuple(part.size or UNIT_SCALE)
     if part.shape is not ShapeKind.MESH:
-        return Shape(part.shape, size, part.pose.vector())
+        return (Shape(part.shape, size, part.pose.vector()),)
     try:
         path = resources.resolve(part.mesh or "", document.path.parent)
-        meshes.check_convex(path, part.convex_hull)
+        paths: tuple[Path, ...] = (path,)
+        if part.decompose:
+            paths = convex_parts(path)
+        else:
+            meshes.check_convex(path, part.convex_hull)
     except InputError as error:
         raise document.error((*location, "mesh"), error.reason) from error
-    return Shape(part.shape, size, part.pose.vector(), mesh=path)
+    return tuple(Shape(part.shape, size, part.pose.vector(), mesh=each) for each in paths)

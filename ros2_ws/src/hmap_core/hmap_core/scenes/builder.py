@@ -147,11 +147,7 @@ class SceneBuilder:
     def add_capsule(
         self, name: str, radius: float, height: float, pose: PoseLike, **options: Unpack[BodyOptions]
     ) -> Self:
-        """Add a capsule along z. Options and errors as of :meth:`add_body`.
-
-        Args:
-            height: of the cylindrical part, m.
-        """
+        """Add a capsule along z; ``height`` (m) is that of its cylindrical part. Otherwise as :meth:`add_body`."""
         return self.add_body(name, [_shape(ShapeKind.CAPSULE, [radius, height])], pose, **options)
 
     def add_mesh(
@@ -162,22 +158,24 @@ class SceneBuilder:
         *,
         scale: ArrayLike = (1.0, 1.0, 1.0),
         convex_hull: bool = False,
+        decompose: bool = False,
         **options: Unpack[BodyOptions],
     ) -> Self:
-        """Add the convex hull of a mesh.
+        """Add the convex hull of a mesh, or its convex parts.
 
         Args:
             file: a path, or ``<package>://<path>``.
             pose: of the mesh's frame.
             scale: (3,) in x, y, z; 0.001 for a file in millimetres.
             convex_hull: use the hull of a concave mesh, which is an error otherwise.
+            decompose: split a concave mesh into convex parts, once; they are kept in the user's cache.
             options: as of :meth:`add_body`.
 
         Raises:
             InputError: as :meth:`add_body`.
         """
-        shape = _shape(ShapeKind.MESH, scale) | {"mesh": _uri(file), "convex_hull": convex_hull}
-        return self.add_body(name, [shape], pose, **options)
+        mesh = {"mesh": _uri(file), "convex_hull": convex_hull, "decompose": decompose}
+        return self.add_body(name, [_shape(ShapeKind.MESH, scale) | mesh], pose, **options)
 
     def add_object(
         self,

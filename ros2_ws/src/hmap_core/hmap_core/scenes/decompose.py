@@ -1,8 +1,8 @@
 """Splits a concave mesh into convex parts: ``python -m hmap_core.scenes.decompose cup.obj``.
 
-The decomposition (CoACD: Wei et al. 2022) is run once, by hand, and not when a scene is loaded. The parts are files
-that can be inspected and shared, and loading stays fast and reproducible. The command prints the ``parts`` entry for a
-scene file.
+The method is CoACD (Wei et al., "Approximate convex decomposition for 3D meshes with collision-aware concavity and tree
+search", SIGGRAPH 2022). The parts are files that can be inspected and shared. The command prints the ``parts`` entry
+for a scene file; :mod:`hmap_core.scenes.convex_parts` does the same for a mesh with ``decompose: true``.
 """
 
 import argparse
@@ -14,33 +14,43 @@ import numpy as np
 import trimesh
 
 from hmap_core.command_line import YES, keep_for_results, run_reported
+from hmap_core.exceptions import Code, InputError
 from hmap_core.mesh_files import read_mesh
 
 CONCAVITY = 0.05  # largest deviation of a part from its hull, relative to the size of the mesh
 MIN_CONCAVITY = 0.01
 SEED = 0
+# triangles from which on a mesh is decomposed coarsely; else that takes many minutes
+FINE = 20_000
+# what that means: a closed surface with so many cells along the longest side takes its place, and the search is shorter
+COARSE = {
+    "preprocess_mode": "on", "preprocess_resolution": 40, "mcts_iterations": 50, "mcts_nodes": 10, "resolution": 1000,
+}  # fmt: skip
 
 
-def decompose(path: Path, concavity: float = CONCAVITY) -> list[Path]:
-    """Writes the convex parts of a mesh next to it, as ``<name>_part<i>.obj``.
+def decompose(path: Path, concavity: float = CONCAVITY, folder: Path | None = None) -> list[Path]:
+    """Writes the convex parts of a mesh, as ``<name>_part<i>.obj``.
 
     Args:
         path: the mesh file.
         concavity: largest deviation of a part from its convex hull, relative to the size of the mesh.
+        folder: of the parts; by default that of the mesh.
 
     Returns:
         Paths of the parts.
 
     Raises:
-        InputError: INVALID_SCENE; the mesh cannot be read.
+        InputError: INVALID_SCENE; the mesh cannot be read or decomposed.
     """
     mesh = read_mesh(path)
     coacd.set_log_level("error")
     source = coacd.Mesh(np.asarray(mesh.vertices, float), np.asarray(mesh.faces))
-    hulls = coacd.run_coacd(source, threshold=concavity, seed=SEED)
+    hulls = coacd.run_coacd(source, threshold=concavity, seed=SEED, **(COARSE if len(mesh.faces) > FINE else {}))
+    if not hulls:
+        raise InputError(f"mesh '{path}' cannot be split into convex parts; is it closed?", Code.INVALID_SCENE)
     parts = []
     for i, (vertices, faces) in enumerate(hulls):
-        part = path.with_name(f"{path.stem}_part{i}.obj")
+        part = (folder or path.parent) / f"{path.stem}_part{i}.obj"
         trimesh.Trimesh(vertices, faces).export(part)
         parts.append(part)
     return parts

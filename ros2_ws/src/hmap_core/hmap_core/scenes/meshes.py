@@ -30,8 +30,9 @@ def check_convex(path: Path, accept_hull: bool) -> None:
     hull = read_hull(path)
     if hull.fill < MIN_HULL_FILL and not accept_hull:
         raise InputError(
-            f"the mesh is concave or open (it fills {100 * hull.fill:.0f} % of its convex hull); list convex parts, as "
-            f"'python -m hmap_core.scenes.decompose {path.name}' writes them, or set convex_hull: true",
+            f"the mesh is concave or open (it fills {100 * hull.fill:.0f} % of its convex hull); set decompose: true, "
+            f"list convex parts, as 'python -m hmap_core.scenes.decompose {path.name}' writes them, or set "
+            "convex_hull: true",
             Code.INVALID_SCENE,
         )
     _note(path, hull.notes)
@@ -75,9 +76,14 @@ def _same(first: np.ndarray, second: np.ndarray) -> bool:
     return first.shape == second.shape and bool(np.allclose(first, second, rtol=0.0, atol=HULL_TOLERANCE))
 
 
+def cache_folder() -> Path:
+    """The folder of the user's cache for meshes."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hmap" / "meshes"
+
+
 def _cached(vertices: np.ndarray) -> Path:
     """Writes the hull of ``vertices`` to a file in the user's cache, named by its content."""
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hmap" / "meshes"
+    cache = cache_folder()
     path = cache / f"{hashlib.sha256(np.round(vertices, 9).tobytes()).hexdigest()[:16]}.obj"
     if not path.is_file():
         try:

@@ -102,11 +102,13 @@ class Part(Strict):
     size: list[Size] | None = None
     mesh: str | None = None
     convex_hull: StrictBool = False
+    decompose: StrictBool = False
     pose: Pose = Pose()
 
     @model_validator(mode="after")
     def _size_fits(self) -> "Part":
         _check_shape(self.shape, self.size, self.mesh)
+        _check_mesh(self.convex_hull, self.decompose)
         return self
 
 
@@ -121,6 +123,11 @@ def _check_shape(shape: ShapeKind, size: list[float] | None, mesh: str | None) -
         raise PydanticCustomError(
             "shape", "size of a {shape} is {meaning}", {"shape": shape.value, "meaning": meaning, "key": "size"}
         )
+
+
+def _check_mesh(convex_hull: bool, decompose: bool) -> None:
+    if convex_hull and decompose:
+        raise PydanticCustomError("shape", "give convex_hull: true or decompose: true, not both")
 
 
 class Region(Strict):
@@ -143,6 +150,7 @@ class Geometry(Strict):
     size: list[Size] | None = None
     mesh: str | None = None
     convex_hull: StrictBool = False
+    decompose: StrictBool = False
     parts: Annotated[list[Part], Field(min_length=1)] | None = None
     mass: Annotated[Number, Field(ge=0.0, le=MAX_MASS)] | None = None
     friction: Annotated[Number, Field(ge=0.0, le=MAX_FRICTION)] | None = None
@@ -155,6 +163,7 @@ class Geometry(Strict):
             if self.parts is not None:
                 raise PydanticCustomError("shape", "give shape or parts, not both")
             _check_shape(self.shape, self.size, self.mesh)
+            _check_mesh(self.convex_hull, self.decompose)
         elif self.size is not None or self.mesh is not None:
             raise PydanticCustomError("shape", "size and mesh need the key shape")
         return self

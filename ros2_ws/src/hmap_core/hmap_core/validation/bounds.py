@@ -16,13 +16,17 @@ BATCH = 4096  # boxes that are compared together, so that their data fit in a pr
 
 
 class PartBoxes:
-    """Oriented bounding boxes of all parts of a world at all samples."""
+    """Oriented bounding boxes of all parts of a world at all samples; one box of those that do not move."""
 
     def __init__(self, world: World):
-        self._samples = world.samples
         self._row = {part: i for i, part in enumerate(world.parts)}
         tracks = [world.tracks[part] for part in world.parts]
-        self._boxes = Boxes.join([Boxes.around(track.part.solid, track.R, track.p) for track in tracks])
+        counts = np.array([1 if track.still else world.samples for track in tracks], int)
+        self._first = np.cumsum(counts) - counts
+        self._step = np.minimum(counts - 1, 1)  # from the box of one sample to that of the next
+        self._boxes = Boxes.join(
+            [Boxes.around(t.part.solid, t.R[:n], t.p[:n]) for t, n in zip(tracks, counts.tolist(), strict=True)]
+        )
 
     def rows(self, pairs: list[Pair]) -> tuple[np.ndarray, np.ndarray]:
         """Row numbers (n,) and (n,) of the parts of n pairs, as :meth:`gaps` expects them."""
@@ -39,7 +43,7 @@ class PartBoxes:
         Returns:
             (n,) in metres; -inf where the boxes overlap.
         """
-        a, b = a * self._samples + samples, b * self._samples + samples
+        a, b = (self._first[part] + self._step[part] * samples for part in (a, b))
         blocks = [slice(i, i + BATCH) for i in range(0, len(a), BATCH)]
         gaps = [box_gap(self._boxes[a[block]], self._boxes[b[block]]) for block in blocks]
         return np.concatenate(gaps) if gaps else np.zeros(0)

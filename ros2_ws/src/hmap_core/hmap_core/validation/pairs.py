@@ -1,11 +1,12 @@
 """Pairs of parts to check for collision, with bounds on their relative motion."""
 
+from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
 
 import numpy as np
 
+from hmap_core.validation import rigid
 from hmap_core.validation.geometry import Gauge
 from hmap_core.validation.world import Part, World
 
@@ -62,11 +63,43 @@ class PairBuilder:
             for part in world.parts
         }
         self._immobile = {part: self._is_immobile(part) for part in world.parts}
+        self._lower, self._upper = (np.array(ends).reshape(-1, 3) for ends in self._swept_boxes())
 
-    def build(self) -> list[Pair]:
-        """All pairs to check."""
-        pairs = (self._pair(a, b) for a, b in combinations(self._world.parts, 2))
-        return [pair for pair in pairs if pair is not None]
+    def build(self, reach: float = np.inf) -> list[Pair]:
+        """The pairs to check.
+
+        Args:
+            reach: pairs that certainly stay farther apart than this are left out, m.
+        """
+        parts = self._world.parts
+        # two fixed bodies are no pair, and there can be thousands
+        free = [k for k, part in enumerate(parts) if part.link is not None or not self._immobile[part]]
+        pairs = []
+        for i, a in enumerate(parts):
+            others = free[bisect_right(free, i) :] if a.link is None and self._immobile[a] else range(i + 1, len(parts))
+            for j in self._nearer(i, np.array(others, int), reach).tolist():
+                pair = self._pair(a, parts[j])
+                if pair is not None:
+                    pairs.append(pair)
+        return pairs
+
+    def _nearer(self, i: int, others: np.ndarray, reach: float) -> np.ndarray:
+        """Those of some parts, given by number, that part ``i`` may come nearer to than ``reach``."""
+        if np.isinf(reach):
+            return others
+        apart = np.maximum(self._lower[others] - self._upper[i], self._lower[i] - self._upper[others])
+        return others[np.linalg.norm(np.maximum(apart, 0.0), axis=1) <= reach]
+
+    def _swept_boxes(self) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Lower and upper corners (3,) of a box for each part that it never leaves."""
+        lower, upper = [], []
+        for part in self._world.parts:
+            track = self._world.tracks[part]
+            center = track.p + rigid.apply(track.R, part.solid.center)
+            room = np.linalg.norm(part.solid.half) + 0.5 * self._motion[part].max(initial=0.0)
+            lower.append(center.min(axis=0) - room)
+            upper.append(center.max(axis=0) + room)
+        return lower, upper
 
     def _pair(self, a: Part, b: Part) -> Pair | None:
         if a.holder == b.holder and (a.link is None) == (b.link is None):

@@ -80,15 +80,30 @@ class Part:
     def frames(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         """Rotations (M, 3, 3) and positions (M, 3) of the shape."""
         R, p = self.place(state)
+        if _still(R) and _still(p):
+            R_shape, p_shape = rigid.apply(R[:1], self.R), p[:1] + rigid.apply(R[:1], self.p)
+            return np.broadcast_to(R_shape, R.shape), np.broadcast_to(p_shape, p.shape)
         return rigid.apply(R, self.R), p + rigid.apply(R, self.p)
 
 
+def _still(array: np.ndarray) -> bool:
+    """Whether an array (M, ...) holds one value for all instants."""
+    return array.strides[0] == 0
+
+
 class Track:
-    """Poses of a part at M instants, with coal transforms that are built on demand."""
+    """Poses of a part at M instants, with coal transforms that are built on demand.
+
+    Attributes:
+        part: the part.
+        R, p: its poses (M, 3, 3) and (M, 3).
+        still: whether it is known not to move.
+    """
 
     def __init__(self, part: Part, state: State):
         self.part = part
         self.R, self.p = part.frames(state)
+        self.still = _still(self.R) and _still(self.p)
         self._transforms: dict[int, coal.Transform3s] = {}
 
     def at(self, k: int) -> coal.Transform3s:
@@ -120,7 +135,7 @@ class World:
         self.poses = {name: self._poses(body) for name, body in document.bodies.items()}
         self.state = State(
             {name: robot.frames(self.values[name]) for name, robot in self.arms.items()},
-            {name: (rigid.matrices(poses[:, 3:]), poses[:, :3]) for name, poses in self.poses.items()},
+            {name: (_rotations(poses), poses[:, :3]) for name, poses in self.poses.items()},
         )
         self._rates = {
             (name, link): robot.rates(link, self.values[name])
@@ -216,6 +231,13 @@ class World:
         carried = turn * (turn * (far + length) + speed + 2.0 * slide)
         rotating = turn * (speed + turn * far + slide)
         return moved + turned * body.reach + 0.5 * (own + carried + rotating)
+
+
+def _rotations(poses: np.ndarray) -> np.ndarray:
+    """Rotation matrices (N, 3, 3) of poses (N, 7)."""
+    if _still(poses):
+        return np.broadcast_to(rigid.matrices(poses[:1, 3:]), (len(poses), 3, 3))
+    return rigid.matrices(poses[:, 3:])
 
 
 def _step_motion(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
