@@ -185,7 +185,8 @@ robots:
 goal: {object: brick, pose: {xyz: [0.42, 0.22, 0.04]}}
 """
 )
-TASKS = {"puck": PUCK, "crate": CRATE, "brick": BRICK}
+LEANING = BRICK.replace("0.04], rpy_deg: [0, 0, turn]", "0.0402], rpy_deg: [0.25, 0.1, turn]")  # as measured poses do
+TASKS = {"puck": PUCK, "crate": CRATE, "brick": BRICK, "leaning": LEANING}
 
 
 def write_task(folder: Path, task: str, robot: str) -> Path:

@@ -1,5 +1,7 @@
 """Robots with fewer than six joints: which frames of a contact they reach, and what they push, pick and place."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from low_dof_fixtures import write_robot, write_task
@@ -15,11 +17,17 @@ from hmap_core.komo.manipulation import Manipulation
 from hmap_core.planner import plan
 from hmap_core.planner.protocols import ContactQuery
 from hmap_core.planner.sampled_contacts import SampledContacts
+from hmap_core.planner.tilt import keeps_tilt, levelled, tilt_and_yaw
 from hmap_core.scenes import load_robot_model, load_scene
 from hmap_core.simulation.execute import execute
-from hmap_core.transforms import IDENTITY, apply, from_matrix, interpolate, rotation_matrix
-from hmap_core.types import ContactKind, ContactPoint, Scene, SegmentKind, Shape, ShapeKind
+from hmap_core.transforms import IDENTITY, apply, from_matrix, from_rpy, interpolate, pose, rotation_matrix
+from hmap_core.types import Body, BodyKind, ContactKind, ContactPoint, Goal, Robot, Scene, SegmentKind, Shape, ShapeKind
 from hmap_core.validation import check
+from hmap_core.waypoints import ObjectPathProblem
+from hmap_core.waypoints.checker import Geometry, ObjectChecker
+from hmap_core.waypoints.rrt import rrt_path
+from hmap_core.waypoints.search import search_bounds
+from hmap_core.waypoints.search_budget import SearchBudget
 
 SEEDS = (0, 1, 2)
 OFF = 1e-4  # m that a hand may be off a surface
@@ -106,6 +114,38 @@ def test_what_is_round_is_gripped_about_another_axis(tmp_path, shape, turns):
     assert found.opening == pytest.approx(0.04, abs=1e-6)
 
 
+@pytest.mark.parametrize("level", [True, False])
+def test_the_object_keeps_its_tilt_on_a_level_path(level):
+    """Trees turn the object about the vertical only, at every height."""
+    bar = Body("bar", BodyKind.MOVABLE, (Shape(ShapeKind.BOX, (0.1, 0.04, 0.04)),), IDENTITY)
+    wall = Body("wall", BodyKind.FIXED, (Shape(ShapeKind.BOX, (0.02, 3.0, 0.4)),), pose((0.0, 0.0, 0.2)))
+    start, goal = from_rpy((-0.2, 0.0, 0.1), (0.3, 0.0, 0.0)), from_rpy((0.2, 0.0, 0.1), (0.3, 0.0, 0.0))
+    problem = ObjectPathProblem(bar, start, goal, (wall,), "spatial", level=level)
+    checker = ObjectChecker(problem, Geometry(problem), False, 0.0)
+    bounds = search_bounds(problem, checker)
+    path = rrt_path(checker, [start], [goal], bounds, np.random.default_rng(0), SearchBudget(60.0), scale=8)
+    tilts = np.array([tilt_and_yaw(start, T)[0] for T in path])
+    assert np.ptp(path[:, 2]) > 0.2
+    assert (tilts.max() < 1e-6) == level
+
+
+def test_a_goal_takes_the_tilt_of_the_start_within_its_tolerance():
+    start, turned = from_rpy((0.0, 0.0, 0.0), (0.01, 0.0, 0.0)), from_rpy((0.1, 0.2, 0.3), (0.0, 0.0, 0.5))
+    goal = Goal("brick", turned, rotation_tolerance=0.04)
+    same = levelled(goal, start, 0.5)
+    np.testing.assert_array_equal(same.pose[:3], turned[:3])
+    assert tilt_and_yaw(start, same.pose) == pytest.approx((0.0, 0.5), abs=1e-6)
+    assert levelled(goal, start, 0.1) is goal
+
+
+def test_only_a_scene_without_an_arm_of_six_joints_keeps_tilts(tmp_path):
+    scene = scene_of(tmp_path, "brick", "scara")
+    panda = Robot("panda", load_robot_model("panda"), IDENTITY, load_robot_model("panda").home)
+    assert keeps_tilt(scene)
+    assert not keeps_tilt(replace(scene, robots=scene.robots | {"panda": panda}))
+    assert not keeps_tilt(replace(scene, robots={}))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("robot", ["disc", "stick", "scara", "five"])
@@ -126,6 +166,8 @@ def test_a_puck_is_carried_round_a_wall(tmp_path, robot, seed):
         ("crate", "five", SegmentKind.PUSH),
         ("brick", "scara", SegmentKind.GRASP),
         ("brick", "five", SegmentKind.GRASP),
+        ("leaning", "scara", SegmentKind.GRASP),
+        ("leaning", "five", SegmentKind.GRASP),
     ],
 )
 def test_a_robot_with_few_joints_pushes_picks_and_places(tmp_path, task, robot, kind, seed):

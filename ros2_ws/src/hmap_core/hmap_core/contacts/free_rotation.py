@@ -200,15 +200,16 @@ class _FrameSolver:
 
     def near(self, points: np.ndarray, R: np.ndarray, start: np.ndarray) -> np.ndarray:
         """Configurations (K, n) with the end effector near points (K, 3) and orientations R (K, 3, 3)."""
-        q = np.tile(start, (len(R), 1))
-        return solve_ik_batch(self._near, self._pose(np.zeros_like(points), points, R), q, q)[0]
+        params, q = self._pose(np.zeros_like(points), points, R), np.tile(start, (len(R), 1))
+        for _ in range(2):  # inverse kinematics stays near where it begins
+            q = solve_ik_batch(self._near, params, q, q)[0]
+        return q
 
     def exact(self, constraint: _Constraint, R: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Configurations (K, n) in which the contacts are made near orientations R (K, 3, 3).
 
         The point of the hand that touches depends on the orientation, so both are found in turns, from
-        configurations q (K, n) near that. Inverse kinematics stays near where it begins, so it comes nearest to R in
-        the second turn.
+        configurations q (K, n) near that.
 
         Returns:
             The configurations, and (K,) whether the contacts are made.
@@ -228,6 +229,7 @@ class _FrameSolver:
             )
             q[todo] = found
             made[todo] = solved & own.fulfilled(self.T_obj_ee(found))
+            # the second turn comes nearer to R, since inverse kinematics stays near where it begins
             todo = todo[solved & (~made[todo] | (turn == 0))]
             if not len(todo):
                 break

@@ -5,7 +5,7 @@ from numba import njit
 
 from hmap_core.contacts.camera import SKIN, Cloud
 from hmap_core.contacts.candidates import Hand
-from hmap_core.contacts.grasp import WIDTH_CLEARANCE, across
+from hmap_core.contacts.grasp import across, fits_between
 from hmap_core.contacts.solids import Solids, interval, outward_normal
 
 LEAST_GAP = 1e-3  # m; with less space between the walls, the grasp is one through solid material
@@ -63,6 +63,4 @@ def antipodal_outside(cloud: Cloud, own: Solids, hand: Hand, friction: float) ->
     width, far = across_outside(cloud.points, cloud.normals, reach, *own.arrays)
     solid, _ = across(cloud.points, cloud.normals, *own.arrays)
     opposite = -np.einsum("ij,ij->i", far, cloud.normals) >= np.cos(np.arctan(friction))
-    gripper = hand.require_gripper()
-    fits = (width >= max(gripper.min_opening, 2 * WIDTH_CLEARANCE)) & (width <= gripper.max_opening - WIDTH_CLEARANCE)
-    return opposite & fits & (width > solid + LEAST_GAP), width
+    return opposite & fits_between(width, hand) & (width > solid + LEAST_GAP), width

@@ -7,6 +7,7 @@ import numpy as np
 from hmap_core.planner.context import SearchContext
 from hmap_core.planner.solution_sequence import removable_for
 from hmap_core.planner.tasks import PathTask
+from hmap_core.planner.tilt import keeps_tilt, levelled
 from hmap_core.transforms import inverse, multiply, quaternion_multiply
 from hmap_core.types import Goal, Scene, SceneState, TaskMode
 
@@ -19,9 +20,12 @@ def goal_of_round(context: SearchContext, task: PathTask, state: SceneState) -> 
     """The goal of a subgoal in one round.
 
     The object keeps its orientation if half of the rotation tolerance allows it: a body that turns on its way is hard
-    to push. Later rounds of a physical task turn the goal at random, which changes the directions of possible pushes.
+    to push. If no robot can change the tilt of its hand, the object keeps its own, as far as that half allows it. Later
+    rounds of a physical task turn the goal at random, which changes the directions of possible pushes.
     """
     goal = unturned(task.subgoal.goal, state.poses[task.object])
+    if keeps_tilt(context.scene):
+        goal = levelled(goal, state.poses[task.object], GOAL_SHARE)
     if task.number > 0 and context.scene.mode != TaskMode.KINEMATIC:
         goal = turned(goal, context.rng.uniform(-1.0, 1.0))
     return goal

@@ -10,11 +10,14 @@ from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.shapes import body_set, box_round
 from hmap_core.planner.protocols import ObjectPathQuery
 from hmap_core.planner.surroundings import PHYSICAL_MIN_DISTANCE, placed_bodies
+from hmap_core.planner.tilt import keeps_tilt, tilt_and_yaw
 from hmap_core.transforms import IDENTITY
 from hmap_core.types import Body, BodyKind, Scene, TaskMode
 from hmap_core.waypoints import DEFAULT_MIN_DISTANCE, NoObjectPath, ObjectPath, ObjectPathProblem, plan_waypoints
 from hmap_core.waypoints.checker import Geometry, ObjectChecker
 from hmap_core.waypoints.search_budget import SearchBudget
+
+SAME_TILT = 1e-6  # rad between start and goal up to which the tilt counts as kept
 
 # problem, generator, time limit (s), largest number of checked motions -> path
 Search = Callable[[ObjectPathProblem, np.random.Generator, float, float], ObjectPath]
@@ -53,16 +56,18 @@ class BidirectionalSearch:
 
 
 def object_path_problem(query: ObjectPathQuery) -> ObjectPathProblem:
-    """The path problem of an object among all bodies of the scene."""
+    """The path problem of an object among all bodies of the scene; level if no robot can tilt it."""
     scene, name = query.scene, query.goal.object
+    T_start, T_goal = query.state.poses[name], query.goal.pose
     return ObjectPathProblem(
         scene.bodies[name],
-        query.state.poses[name],
-        query.goal.pose,
+        T_start,
+        T_goal,
         placed_bodies(scene, query.state, name),
         scene.motion,
         DEFAULT_MIN_DISTANCE if scene.mode == TaskMode.KINEMATIC else PHYSICAL_MIN_DISTANCE,
         removable=frozenset(scene.removable),
+        level=keeps_tilt(scene) and tilt_and_yaw(T_start, T_goal)[0] <= SAME_TILT,
     )
 
 

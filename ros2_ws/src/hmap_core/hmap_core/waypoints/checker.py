@@ -155,6 +155,7 @@ class ObjectChecker:
 
     def __init__(self, problem: ObjectPathProblem, geometry: Geometry, planar: bool, min_distance: float):
         self.planar = planar
+        self.level = planar or problem.level  # whether motions turn about the vertical only
         self.body = geometry.body
         reach = np.maximum.reduceat(np.linalg.norm(self.body.vertices, axis=1), self.body.start[:-1])
         self.radius = float((reach + self.body.radius).max())  # m, of the body about the origin of its frame

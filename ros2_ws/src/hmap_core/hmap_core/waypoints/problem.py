@@ -1,6 +1,6 @@
 """Problem and result of Algorithm 2."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ class ObjectPathProblem:
 
     ``body.pose`` is not used; obstacles are at their own ``pose``. ``motion`` is "planar" (SE(2): height, roll and
     pitch of the start are kept), "spatial" (SE(3)) or "auto": planar if start and goal allow it, otherwise spatial.
+    ``level`` keeps roll and pitch in spatial motion, too; start and goal then have the same.
 
     Raises:
         InputError: a value is not allowed; INVALID_POSE for a malformed start or goal.
@@ -31,6 +32,7 @@ class ObjectPathProblem:
     min_distance: float = DEFAULT_MIN_DISTANCE  # m
     bounds: np.ndarray | None = None  # (2, 3) lower and upper position of the body, m; None: from the scene
     removable: frozenset[str] = frozenset()  # obstacles that can be moved out of the way; named if they block
+    level: bool = False
 
     def __post_init__(self):
         if self.motion not in MOTIONS:
@@ -53,9 +55,7 @@ class ObjectPathProblem:
     def without(self, names: set[str] | frozenset[str]) -> "ObjectPathProblem":
         """The same problem without some obstacles."""
         kept = tuple(o for o in self.obstacles if o.name not in names)
-        return ObjectPathProblem(
-            self.body, self.start, self.goal, kept, self.motion, self.min_distance, self.bounds, self.removable - names
-        )
+        return replace(self, obstacles=kept, removable=self.removable - names)
 
 
 QUATERNION_TOLERANCE = 1e-4

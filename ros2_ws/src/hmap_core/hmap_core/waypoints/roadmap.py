@@ -89,10 +89,10 @@ def _in_the_middle(checker: ObjectChecker, T: np.ndarray) -> np.ndarray:
 
 
 def _turned(checker: ObjectChecker, T: np.ndarray) -> list[np.ndarray]:
-    """T (7,) rotated by quarter turns about the body's axes; in planar motion about the vertical only."""
+    """T (7,) rotated by quarter turns about the body's axes; about the vertical only if its tilt stays."""
     sine = np.sqrt(0.5)
     quarter = [np.array([*(side * sine * axis), sine]) for axis in np.eye(3) for side in (1.0, -1.0)]
-    if checker.planar:
+    if checker.level:
         return [np.concatenate([T[:3], quaternion_multiply(q, T[3:])]) for q in quarter[4:]]
     return [np.concatenate([T[:3], quaternion_multiply(T[3:], q)]) for q in quarter]
 

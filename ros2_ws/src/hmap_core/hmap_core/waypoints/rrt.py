@@ -78,8 +78,11 @@ def _solve(checker, starts, goals, bounds, rng, fraction, max_motions, budget) -
 def _space(checker: ObjectChecker, reference: np.ndarray, bounds: np.ndarray, fraction: float) -> tuple:
     """The search space for ``trees.grow``; its longest step is a ``fraction`` of the space's extent."""
     radius = TURN_WEIGHT * checker.radius
-    diagonal = np.linalg.norm((bounds[1] - bounds[0])[: 2 if checker.planar else 3])
-    return checker.planar, reference, bounds[0], bounds[1], radius, fraction * (float(diagonal) + np.pi * radius)
+    if checker.planar:
+        bounds = bounds.copy()
+        bounds[:, 2] = reference[2]
+    diagonal = np.linalg.norm(bounds[1] - bounds[0])
+    return checker.level, reference, bounds[0], bounds[1], radius, fraction * (float(diagonal) + np.pi * radius)
 
 
 def _branch(nodes: np.ndarray, parent: np.ndarray, k: int) -> np.ndarray:

@@ -16,12 +16,11 @@ from hmap_core.waypoints.support import stable_along
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _sample(rng, space, T):
-    """Sample a pose into ``T`` (7,), uniform in the bounds and in rotation (Shoemake 1992) or planar yaw."""
-    planar, reference, lower, upper = space[:4]
+    """Sample a pose into ``T`` (7,), uniform in the bounds and in rotation (Shoemake 1992) or yaw."""
+    level, reference, lower, upper = space[:4]
     for k in range(3):
         T[k] = lower[k] + rng.random() * (upper[k] - lower[k])
-    if planar:
-        T[2] = reference[2]
+    if level:
         half = np.pi * rng.random()
         s, c = np.sin(half), np.cos(half)
         qx, qy, qz, qw = reference[3], reference[4], reference[5], reference[6]
@@ -73,8 +72,8 @@ def grow(nodes, parent, count, link, rng, space, shapes, trees, required, extra,
         count: (3,) number of poses in each tree, and of iterations; another call continues from there.
         link: (2,) output: the nodes where the trees meet; unchanged if they do not.
         rng: numpy Generator.
-        space: planar?, reference pose (7,) of planar motion, lower (3,) and upper (3,) position in m, metres that a
-            radian of rotation counts as, longest step in those metres.
+        space: turns about the vertical only?, reference pose (7,) of such turns, lower (3,) and upper (3,) position in
+            m, metres that a radian of rotation counts as, longest step in those metres.
         shapes: arrays of the checker; so are ``trees``, ``required``, ``extra`` and ``blocked``.
         support: whether the body needs a support, and the arrays of the support.
         deadline: in seconds of ``clock.now``.

@@ -1,0 +1,34 @@
+"""Tilt of objects: robots whose hands keep theirs cannot change it."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from hmap_core.kinematics.arm import ALL_DIRECTIONS, load_arm
+from hmap_core.transforms import inverse, multiply, quaternion_multiply
+from hmap_core.types import Goal, Scene
+
+
+def keeps_tilt(scene: Scene) -> bool:
+    """Whether no robot of a scene reaches every orientation: what they carry then keeps its roll and pitch."""
+    arms = [load_arm(robot.model) for robot in scene.robots.values()]
+    return bool(arms) and all(arm.mobility < ALL_DIRECTIONS for arm in arms)
+
+
+def tilt_and_yaw(T0: np.ndarray, T1: np.ndarray) -> tuple[float, float]:
+    """The rotation from pose T0 to T1 (7,) as angles (rad): about a horizontal axis after one about the vertical.
+
+    Dobrowolski, "Swing-twist decomposition in Clifford algebra", 2015.
+    """
+    x, y, z, w = multiply(np.r_[np.zeros(3), T1[3:]], inverse(np.r_[np.zeros(3), T0[3:]]))[3:]
+    tilt = 2.0 * np.arctan2(np.hypot(x, y), np.hypot(z, w))
+    return float(tilt), float(2.0 * np.arctan2(z, w))
+
+
+def levelled(goal: Goal, T_start: np.ndarray, share: float) -> Goal:
+    """The goal with the object's tilt at T_start (7,), if a share of the rotation tolerance allows it."""
+    tilt, yaw = tilt_and_yaw(T_start, goal.pose)
+    if tilt > share * goal.rotation_tolerance:
+        return goal
+    turn = np.array([0.0, 0.0, np.sin(0.5 * yaw), np.cos(0.5 * yaw)])
+    return replace(goal, pose=np.concatenate([goal.pose[:3], quaternion_multiply(turn, T_start[3:])]))
