@@ -11,7 +11,7 @@ from hmap_core.transforms import to_matrix
 from hmap_core.types import RobotModel
 
 STARTS = 40  # start configurations of the search
-SAMPLES = 2000  # random configurations, where the search finds none
+SAMPLES = 400  # random configurations, where the search finds none
 FORWARD, UP = 0.5, 0.3  # place of the hand in front of the base and above it, as shares of the arm's reach
 OFF_PLACE = 0.02  # m, and for unit vectors: error of the hand's pose that is accepted
 TO_MIDDLE = 0.02  # weight of a joint's distance from the middle of its range
