@@ -101,10 +101,10 @@ def _joint_notes(structure: Structure) -> tuple[str, ...]:
 
 
 def _gripper_notes(gripper: GripperGuess) -> tuple[str, ...]:
-    closed, opened = gripper.gaps
+    closed, opened = (round(1e3 * gap, 1) + 0.0 for gap in gripper.gaps)
     notes = [
-        f"guess: the fingers touch with {' and '.join(gripper.finger_links)}; between them are {1e3 * closed:.1f} mm "
-        f"at one end of the joints' limits and {1e3 * opened:.1f} mm at the other",
+        f"guess: the fingers touch with {' and '.join(gripper.finger_links)}; between them are {closed:.1f} mm "
+        f"at one end of the joints' limits and {opened:.1f} mm at the other",
         "guess: force, in N; see the data sheet of the gripper",
     ]
     if gripper.pad_is_edge:

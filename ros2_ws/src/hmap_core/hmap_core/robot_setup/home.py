@@ -10,7 +10,8 @@ from hmap_core.robot_setup.self_distance import FAR, SelfDistance
 from hmap_core.transforms import to_matrix
 from hmap_core.types import RobotModel
 
-STARTS = 40  # start configurations of the search
+STARTS = 30  # start configurations of the search
+EVALUATIONS = 50  # of the pose of the hand and its derivative from each start
 SAMPLES = 400  # random configurations, where the search finds none
 FORWARD, UP = 0.5, 0.3  # place of the hand in front of the base and above it, as shares of the arm's reach
 OFF_PLACE = 0.02  # m, and for unit vectors: error of the hand's pose that is accepted
@@ -84,7 +85,7 @@ def _bring(arm: Arm, start: np.ndarray, lower: np.ndarray, upper: np.ndarray) ->
     def residual(q: np.ndarray) -> np.ndarray:
         return np.concatenate([error(q), TO_MIDDLE * (q - middle) / half])
 
-    q = least_squares(residual, start, bounds=(lower, upper), max_nfev=100).x
+    q = least_squares(residual, start, bounds=(lower, upper), max_nfev=EVALUATIONS).x
     return q if np.linalg.norm(error(q)) < OFF_PLACE * np.sqrt(6.0) else None
 
 

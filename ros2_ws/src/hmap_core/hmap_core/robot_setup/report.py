@@ -10,6 +10,7 @@ import numpy as np
 from hmap_core.exceptions import InputError
 from hmap_core.kinematics.arm import Arm, load_arm
 from hmap_core.robot_description import Finding, Joint, RobotDescription, Severity, load_robot_description
+from hmap_core.robot_description.inertia import FRAME_MASS
 from hmap_core.robot_setup.guess import guess_robot
 from hmap_core.robot_setup.robot_text import draft_model, with_loadable_gripper
 from hmap_core.robot_setup.self_distance import SelfDistance
@@ -45,7 +46,7 @@ class JointRow:
 
 @dataclass(frozen=True)
 class LinkRow:
-    """A link: its mass in kg, None where the URDF has none, and its collision shapes by kind."""
+    """A link: its mass in kg, None for a mere frame, and its collision shapes by kind."""
 
     name: str
     mass: float | None
@@ -200,16 +201,12 @@ def _joint(joint: Joint, model: RobotModel | None) -> JointRow:
 
 
 def _links(description: RobotDescription) -> tuple[LinkRow, ...]:
-    masses = {}
-    if description.element is not None:
-        for link in description.element.findall("link"):
-            mass = link.find("inertial/mass")
-            try:
-                masses[link.get("name")] = None if mass is None else float(mass.get("value", ""))
-            except ValueError:  # one of the findings
-                pass
     return tuple(
-        LinkRow(name, masses.get(name), dict(Counter(str(shape.kind) for shape in link.shapes)))
+        LinkRow(
+            name,
+            None if link.inertial.mass <= FRAME_MASS and not link.shapes else link.inertial.mass,
+            dict(Counter(str(shape.kind) for shape in link.shapes)),
+        )
         for name, link in description.links.items()
     )
 
