@@ -196,6 +196,7 @@ class RobotModel:
     ignored_collisions: tuple[tuple[str, str], ...]  # pairs of link names
     simulation: dict = field(default_factory=dict)  # gains and forces for the simulated controller
     attached: AttachedBody | None = None  # the attached tool, which occupies the gripper
+    payload: float | None = None  # kg that the arm may carry; None: not known, and not checked
 
     def require_gripper(self) -> Gripper:
         """The gripper of a robot that must have one.

@@ -47,7 +47,8 @@ def task(
         movable="\n".join(BOX.format(name=n, size=list(s), at=list(at), mass=mass) for n, (s, at) in boxes.items()),
         removable="\n".join(
             f"  {n}: " + ("null" if at is None else f"{{xyz: {list(at)}}}") for n, at in removable.items()
-        ),
+        )
+        or "  {}",
         start=list(start),
         goal=list(goal),
     )

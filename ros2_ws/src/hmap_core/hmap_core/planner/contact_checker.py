@@ -6,6 +6,7 @@ import numpy as np
 
 from hmap_core.contacts.feasibility import feasible_contacts, promising
 from hmap_core.contacts.grasp_torque import weight_torque_ratio
+from hmap_core.contacts.grip_force import lifting_problem, sliding_problem, weight_ratio
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner.interfaces import RobotContact
@@ -13,12 +14,12 @@ from hmap_core.planner.protocols import ContactQuery
 from hmap_core.planner.sampled_contacts import TURNING_SHARE
 from hmap_core.planner.surroundings import away_from_home, placed_bodies
 from hmap_core.transforms import rotation_matrix
-from hmap_core.types import Body, ContactPoint, Scene, SceneState, TaskMode
+from hmap_core.types import Body, ContactKind, ContactPoint, Scene, SceneState, TaskMode
 from hmap_core.waypoints import stable_poses
 
 ENOUGH = 2  # feasible contacts per robot after which only better ones are searched
 MIN_REACH = 2  # poses a contact has to serve, unless the path is shorter
-LIFTED = 0.001  # m that a path has to rise for the object to be lifted
+LIFTED = 0.001  # m that a path has to rise or sink for the object to be lifted
 
 
 class LocalContactChecker:
@@ -63,10 +64,15 @@ class LocalContactChecker:
         return self._standing(scene.bodies[object], object_poses, placed_bodies(scene, state, object))
 
     def _lifting(self, query: ContactQuery, contacts: Sequence[ContactPoint]) -> list[ContactPoint]:
-        """The contacts that can lift the object, if it is lifted along its poses."""
+        """The contacts that can carry the object's weight, if it is lifted along its poses, or slide it otherwise."""
         poses = query.object_poses
-        if np.max(poses[:, 2]) <= poses[0, 2] + LIFTED or not contacts:
-            return list(contacts)
+        if not contacts:
+            return []
+        if not is_lifted(poses):
+            robot = query.scene.robots[query.robot]
+            kinematic = query.scene.mode == TaskMode.KINEMATIC
+            stays = not kinematic and sliding_problem(query.scene.bodies[query.object], query.robot, robot.model)
+            return [] if stays else list(contacts)
         return secure_grasps(query.scene, query.object, query.robot, contacts, poses[0])
 
     def _standing(self, body: Body, poses: np.ndarray, obstacles: Sequence[Body]) -> np.ndarray:
@@ -74,6 +80,11 @@ class LocalContactChecker:
         if key != self._stands[0]:
             self._stands = key, stable_poses(body, poses, obstacles)
         return self._stands[1]
+
+
+def is_lifted(object_poses: np.ndarray) -> bool:
+    """Whether an object leaves its support along its poses (M, 7)."""
+    return bool(np.ptp(object_poses[:, 2]) > LIFTED)
 
 
 def least_reach(object_poses: np.ndarray) -> int:
@@ -93,12 +104,17 @@ def cleared(scene: Scene, state: SceneState, object: str, robot: str) -> tuple[M
 def secure_grasps(
     scene: Scene, body: str, robot: str, contacts: Sequence[ContactPoint], T_body: np.ndarray
 ) -> list[ContactPoint]:
-    """The contacts in which a body does not turn between the fingers when it is lifted from T_body (7,).
+    """The contacts in which a body neither slips nor turns between the fingers when it is lifted from T_body (7,).
 
-    The moment of its weight about the closing axis uses at most TURNING_SHARE of the friction of two soft fingers.
+    The pads' friction and the arm's payload carry its weight, whose moment about the closing axis uses at most
+    TURNING_SHARE of the friction of two soft fingers.
     """
-    gripper = scene.robots[robot].model.gripper
-    if gripper is None or scene.mode == TaskMode.KINEMATIC:
+    model = scene.robots[robot].model
+    if model.gripper is None or scene.mode == TaskMode.KINEMATIC:
         return list(contacts)
-    share = weight_torque_ratio(scene.bodies[body], contacts, gripper, rotation_matrix(T_body)[2])
-    return [c for c, used in zip(contacts, share, strict=True) if used <= TURNING_SHARE]
+    load, up = scene.bodies[body], rotation_matrix(T_body)[2]
+    if lifting_problem(load, robot, model):
+        return [contact for contact in contacts if contact.kind != ContactKind.GRASP]
+    share = weight_torque_ratio(load, contacts, model.gripper, up) / TURNING_SHARE
+    worst = np.maximum(share, weight_ratio(load, contacts, model, up))
+    return [contact for contact, used in zip(contacts, worst, strict=True) if used <= 1.0]

@@ -7,7 +7,9 @@ import numpy as np
 
 from hmap_core.exceptions import Code, ContactError
 from hmap_core.kinematics.arm import load_arm
+from hmap_core.planner.contact_checker import is_lifted
 from hmap_core.planner.interfaces import RobotContact
+from hmap_core.planner.loads import weight_problem
 from hmap_core.planner.protocols import ContactChecker, ContactProposer, ContactQuery, ContactSearchQuery
 from hmap_core.planner.sampled_contacts import sampled_surface
 from hmap_core.types import Scene
@@ -56,8 +58,11 @@ class ProposeAndCheck:
                 if feasible or time.monotonic() > deadline:
                     break
         if not found:
+            heavy = weight_problem(query.scene, query.object, robots, is_lifted(query.object_poses))
             raise ContactError(
-                f"none of {checked} contacts on '{query.object}' is reachable for {', '.join(robots)}", Code.NO_CONTACT
+                f"none of {checked} contacts on '{query.object}' is reachable for {', '.join(robots)}"
+                + (f": {heavy}" if heavy else ""),
+                Code.NO_CONTACT,
             )
         found.sort(key=lambda contact: -contact_score(query.scene, contact))
         return found[: query.count or None]

@@ -13,6 +13,7 @@ import numpy as np
 
 from hmap_core.contacts.feasibility import carried
 from hmap_core.contacts.grasp_torque import weight_torque_ratio
+from hmap_core.contacts.grip_force import lifting_problem, weight_ratio
 from hmap_core.contacts.push import SlidingBody
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.planner.interfaces import RobotContact
@@ -37,7 +38,8 @@ def lifted(
     """The contact, and poses (M, 7) that keep the object LIFT above its supports at both ends, or else at one end.
 
     Contact and poses are unchanged if the object can be dragged, if there is no room to lift it, if the arm cannot lift
-    it, or if its weight needs more than the share ``turning`` of the friction against rotation between the pads.
+    it, or if its weight is too much for grip or arm, or needs more than the share ``turning`` of the friction against
+    rotation between the pads.
     """
     body, own = scene.bodies[object], contact.contact
     gripper = scene.robots[contact.robot].model.gripper
@@ -48,7 +50,10 @@ def lifted(
     ends = poses[:head], poses[::-1][:tail][::-1]
     if not (flies or any(drag_tips(body, own, end, pads) for end in ends)):
         return contact, poses
-    if weight_torque_ratio(body, [own], gripper, rotation_matrix(poses[0])[2])[0] > turning:
+    model, up = scene.robots[contact.robot].model, rotation_matrix(poses[0])[2]
+    if lifting_problem(body, contact.robot, model) or weight_ratio(body, [own], model, up)[0] > 1.0:
+        return contact, poses
+    if weight_torque_ratio(body, [own], gripper, up)[0] > turning:
         return contact, poses
     problem = ObjectPathProblem(body, poses[0], poses[-1], obstacles)
     checker = ObjectChecker(problem, Geometry(problem), False, DEFAULT_MIN_DISTANCE)

@@ -25,7 +25,17 @@ _FINAL = (Code.TIME_LIMIT, Code.CANCELED, Code.SERVICE_UNAVAILABLE)
 
 
 class RemovalError(PlannerError):
-    """An obstacle could not be removed; the code is that of the last try."""
+    """An obstacle could not be removed; the code is that of the last try.
+
+    Attributes:
+        body: name of the obstacle; empty if it is not known.
+    """
+
+    body = ""
+
+
+class StuckError(RemovalError):
+    """An obstacle without which there is no path cannot be moved by anything; further paths do not help."""
 
 
 class BlockedError(RemovalError):
@@ -104,10 +114,12 @@ class ObstacleRemoval:
                 waiting.remove(name)
             if len(waiting) == before and failure is not None:
                 name, cause = failure
-                raise RemovalError(
+                stuck = RemovalError(
                     f"'{name}' is in the way of '{subgoal.goal.object}' and cannot be removed: {cause.reason}",
                     cause.code,
-                ) from cause
+                )
+                stuck.body = name
+                raise stuck from cause
         return sequence
 
     def _remove(

@@ -67,3 +67,14 @@ def carried_by(scene: Scene, state: SceneState, name: str) -> tuple[str, ...]:
         if stable_poses(body, poses, around)[1] and not stable_poses(body, poses, left)[1]:
             found.append(other)
     return tuple(found)
+
+
+def stacked_on(scene: Scene, state: SceneState, name: str) -> tuple[str, ...]:
+    """The bodies that would fall if a body were taken away, and those that stand on these: from below to the top."""
+    found: list[str] = []
+    below = [name]
+    while below:
+        loads = [load for other in below for load in carried_by(scene, state, other)]
+        below = [load for load in dict.fromkeys(loads) if load not in (name, *found)]
+        found += below
+    return tuple(found)

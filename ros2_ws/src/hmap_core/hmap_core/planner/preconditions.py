@@ -3,18 +3,21 @@
 import numpy as np
 
 from hmap_core.collision.convex import ConvexSet, set_distance
-from hmap_core.exceptions import Code, ContactError, InputError
+from hmap_core.exceptions import Code, ContactError, InputError, WaypointError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.shapes import body_set
 from hmap_core.komo.surroundings import robot_set
 from hmap_core.planner.attainable_goal import TOUCHING, attainable_goal
+from hmap_core.planner.loads import has_to_be_lifted, weight_problem
+from hmap_core.planner.obstruction import carried_by, stacked_on
 from hmap_core.planner.segments import standing_collision
 from hmap_core.planner.tools import extent
-from hmap_core.transforms import IDENTITY, apply
+from hmap_core.transforms import IDENTITY, apply, distance
 from hmap_core.types import BodyKind, Goal, Scene, SceneState, TaskMode
 from hmap_core.waypoints.checker import PENETRATION_ALLOWED
 
 HANGING = 0.005  # m: in a physical task, a body that is farther than this from all others falls
+AT_GOAL = 1e-6  # m and rad; an object that is nearer to its goal stays where it is
 GROUPS = {BodyKind.FIXED: "fixed", BodyKind.MOVABLE: "movable", BodyKind.TOOL: "tools"}  # keys of a task file
 
 
@@ -105,6 +108,46 @@ def _distances(
     bodies = [(body_set(b), state.poses[other], f"'{other}'") for other, b in scene.bodies.items() if other != name]
     around = bodies + [(links, IDENTITY, f"robot '{robot}'") for robot, links in robots.items()]
     return sorted((set_distance(own, T, other, place), what) for other, place, what in around)
+
+
+def check_weight(scene: Scene, state: SceneState, goal: Goal) -> None:
+    """Checks that some robot can move an object by its weight: grip force and payload, for lifting and for sliding.
+
+    Raises:
+        ContactError: NO_CONTACT; no robot can, with the forces.
+    """
+    lifted = has_to_be_lifted(state.poses[goal.object], goal)
+    problem = weight_problem(scene, goal.object, scene.robots, lifted)
+    if problem and not lifted:  # it may be lifted instead
+        problem = weight_problem(scene, goal.object, scene.robots, True) and problem
+    if problem:
+        raise ContactError(problem, Code.NO_CONTACT)
+
+
+def check_loads(scene: Scene, state: SceneState, goal: Goal, attached: str | None = None) -> None:
+    """Checks that whatever stands on an object that has to move may be moved away.
+
+    Args:
+        scene: the task.
+        state: where everything is.
+        goal: of the object.
+        attached: name of the tool that a robot holds, which stands on nothing.
+
+    Raises:
+        WaypointError: NO_OBJECT_PATH; a body that may not be moved would fall.
+    """
+    if max(distance(state.poses[goal.object], goal.pose)) < AT_GOAL:
+        return
+    bearers = [goal.object]
+    for load in stacked_on(scene, state, goal.object):
+        if load not in scene.removable and load != attached:
+            below = next(name for name in reversed(bearers) if load in carried_by(scene, state, name))
+            raise WaypointError(
+                f"'{below}' carries '{load}', which would fall and may not be moved: list it under `removable` in the "
+                "task, or start with it elsewhere",
+                Code.NO_OBJECT_PATH,
+            )
+        bearers.append(load)
 
 
 def check_reach(scene: Scene, state: SceneState, goal: Goal) -> None:

@@ -13,7 +13,7 @@ from hmap_core.exceptions import PlannerError
 from hmap_core.planner import reachability, steps
 from hmap_core.planner.context import SearchContext
 from hmap_core.planner.interfaces import RobotContact, ToolGrasp
-from hmap_core.planner.obstacle_removal import ObstacleRemoval, RemovalError
+from hmap_core.planner.obstacle_removal import ObstacleRemoval, RemovalError, StuckError
 from hmap_core.planner.outcome import Failure, Outcome, Solution
 from hmap_core.planner.relaxed import RelaxedSolution
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
@@ -67,7 +67,8 @@ class Search:
             if not outcome.ends_round:
                 continue
             blocked += isinstance(outcome.error, RemovalError)
-            if blocked == BLOCKED_ROUNDS or (number == 0 and isinstance(outcome.error, NoObjectPath)):
+            stuck = isinstance(outcome.error, StuckError)
+            if stuck or blocked == BLOCKED_ROUNDS or (number == 0 and isinstance(outcome.error, NoObjectPath)):
                 raise outcome.error or PlannerError(outcome.reason, outcome.code)
         record = self.context.record
         raise PlannerError(

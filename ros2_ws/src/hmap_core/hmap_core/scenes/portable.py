@@ -80,6 +80,7 @@ def _robot_dict(robot: Robot) -> dict[str, Any]:
     if model.gripper is not None:
         values = {field.name: getattr(model.gripper, field.name) for field in fields(Gripper)}
         gripper = {key: _plain(value) for key, value in values.items()}
+    payload = {} if model.payload is None else {"payload": _rounded(model.payload)}
     return {
         "model": model.name,
         "urdf": model.urdf_uri,
@@ -95,6 +96,7 @@ def _robot_dict(robot: Robot) -> dict[str, Any]:
         "ignored_collisions": [list(pair) for pair in model.ignored_collisions],
         "gripper": gripper,
         "simulation": model.simulation,
+        **payload,
     } | ({} if model.attached is None else {"held": _attached_dict(model.attached)})
 
 
@@ -203,6 +205,7 @@ def _robot(name: str, data: RobotData) -> Robot:
         gripper=gripper,
         ignored_collisions=tuple(data.ignored_collisions),
         simulation=data.simulation,
+        payload=data.payload,
         attached=None if data.held is None else _attached(data.held),
     )
     return Robot(name, checked_model(model), data.base_pose, data.q_start)

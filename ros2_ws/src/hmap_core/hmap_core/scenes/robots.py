@@ -119,6 +119,7 @@ def _build(document: Document, entry: RobotFile, description: RobotDescription) 
         gripper=build_gripper(document, entry, description) if entry.gripper else None,
         ignored_collisions=tuple((first, second) for first, second in entry.ignored_collisions),
         simulation=entry.simulation,
+        payload=entry.payload,
     )
 
 

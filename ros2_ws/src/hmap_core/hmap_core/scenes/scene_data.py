@@ -145,6 +145,7 @@ class RobotData(Data):
     gripper: GripperData | None = None
     simulation: dict[str, Any] = {}
     held: AttachedData | None = None
+    payload: Extent | None = None
 
     @model_validator(mode="after")
     def _lengths(self) -> "RobotData":

@@ -324,6 +324,7 @@ class RobotFile(Strict):
     position_limits: Limits
     velocity_limits: list[Positive]
     acceleration_limits: list[Positive]
+    payload: Positive | None = None
     gripper: GripperEntry | None = None
     ignored_collisions: list[Annotated[list[str], Field(min_length=2, max_length=2)]] = []
     simulation: dict[str, Any] = {}

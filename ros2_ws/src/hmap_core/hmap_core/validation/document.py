@@ -50,6 +50,7 @@ class BodyData:
     shapes: tuple[ShapeData, ...]
     pose: np.ndarray  # (7,) at the start
     friction: float
+    mass: float = 0.0  # kg; 0 when the file does not say
 
     @property
     def fixed(self) -> bool:
@@ -72,6 +73,7 @@ class GripperData:
     max_opening: float
     at_zero: np.ndarray  # (k,)
     openings: np.ndarray  # (M,), or (0,)
+    force: float = np.inf  # N, of each pad; infinite when the file does not say
 
     def travel(self, openings: np.ndarray) -> np.ndarray:
         """Travel (N,) at openings (N,) in m."""
@@ -97,6 +99,7 @@ class RobotData:
     ignored_collisions: frozenset[frozenset[str]]
     gripper: GripperData | None
     finger_friction: float  # infinite when the file does not say
+    payload: float = np.inf  # kg, of the arm; infinite when the file does not say
 
 
 @dataclass(frozen=True)
@@ -191,13 +194,14 @@ def _body(reader: Reader) -> BodyData:
         single = dict(reader.value)
         single.pop("pose", None)  # the pose of the body, not of the shape
         shapes = (_shape(Reader(single, reader.where)),)
-    friction = reader.find("friction")
+    friction, mass = reader.find("friction"), reader.find("mass")
     return BodyData(
         name=reader.get("name").text(),
         kind=reader.get("kind").text(BODY_KINDS),
         shapes=shapes,
         pose=reader.get("pose").poses(),
         friction=0.0 if friction is None else friction.number("zero or more", _not_negative),
+        mass=0.0 if mass is None else mass.number("zero or more", _not_negative),
     )
 
 
@@ -209,7 +213,7 @@ def _per_joint(reader: Reader, count: int) -> np.ndarray:
 def _gripper(reader: Reader | None) -> GripperData | None:
     if reader is None:
         return None
-    low, high = reader.find("min_opening"), reader.find("max_opening")
+    low, high, force = reader.find("min_opening"), reader.find("max_opening"), reader.find("force")
     if not reader.get("finger_links").texts():
         reader.get("finger_links").fail("a gripper has at least one finger link")
     joint_names, at_zero, table = reader.get("joint_names").texts(), reader.find("at_zero"), reader.find("openings")
@@ -224,6 +228,7 @@ def _gripper(reader: Reader | None) -> GripperData | None:
         max_opening=np.inf if high is None else high.number(),
         at_zero=np.zeros(len(joint_names)) if at_zero is None else _per_joint(at_zero, len(joint_names)),
         openings=openings,
+        force=np.inf if force is None else force.number("zero or more", _not_negative),
     )
 
 
@@ -234,6 +239,7 @@ def _robot(name: str, reader: Reader) -> RobotData:
     pairs = [] if ignored is None else [pair.texts() for pair in ignored.elements()]
     simulation = reader.find("simulation")
     friction = None if simulation is None else simulation.find("finger_friction")
+    payload = reader.find("payload")
     return RobotData(
         name=name,
         urdf=reader.get("urdf").text(),
@@ -248,6 +254,7 @@ def _robot(name: str, reader: Reader) -> RobotData:
         ignored_collisions=frozenset(frozenset(pair) for pair in pairs),
         gripper=_gripper(reader.find("gripper")),
         finger_friction=np.inf if friction is None else friction.number("zero or more", _not_negative),
+        payload=np.inf if payload is None else payload.number("zero or more", _not_negative),
     )
 
 

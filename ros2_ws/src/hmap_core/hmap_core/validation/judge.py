@@ -1,6 +1,6 @@
 """The judge: reads a plan, runs every check, and returns the verdict."""
 
-from hmap_core.validation import collision, contacts, document, joints, objects, physics
+from hmap_core.validation import collision, contacts, document, joints, loads, objects, physics
 from hmap_core.validation.pairs import PairBuilder
 from hmap_core.validation.report import Findings, Report
 from hmap_core.validation.support import SupportCheck
@@ -37,6 +37,7 @@ def check(plan: dict) -> Report:
     support = SupportCheck(world, made, findings)
     support.run()
     physics.check(world, made, findings)
+    loads.check(world, made, findings)
     pairs = PairBuilder(world, _may_touch(made, support.pairs))
     clearance = collision.check(world, pairs.build(NEAR), findings)
     if clearance is None or clearance > NEAR:  # the smallest clearance may be that of a pair that was left out

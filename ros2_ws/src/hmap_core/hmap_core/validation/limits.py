@@ -52,3 +52,6 @@ ROLL_ROOM = 0.02  # m that such an object may move until something stops it
 PUSH_SPEED = 1e-3  # m/s, speed below which a pushed object counts as at rest
 FRICTION_CONE_SLACK = math.radians(5.0)  # angle between the wrench that a push requires and the nearest feasible one
 OPENING_SLACK = 1e-4  # m, tolerance of the opening range of a gripper during a grasp
+GRAVITY = 9.81  # m/s^2
+LIFTED = 1e-3  # m, rise or fall of an object's lowest point from which on its grasp carries it
+GRIP_SLACK = 0.02  # share by which the force that a grasp has to hold may exceed what the pads hold

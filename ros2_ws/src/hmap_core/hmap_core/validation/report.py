@@ -23,6 +23,8 @@ class Kind(StrEnum):
     NOT_PHYSICAL = "not_physical"
     GRASP_WIDTH = "grasp_width"
     FRICTION_CONE = "friction_cone"
+    GRIP_FORCE = "grip_force"
+    PAYLOAD = "payload"
     GOAL_MISSED = "goal_missed"
 
 

@@ -11,7 +11,7 @@ from hmap_core.planner.interfaces import AttachedPath
 from hmap_core.planner.obstacle_removal import RemovalError
 from hmap_core.planner.obstruction import without
 from hmap_core.planner.outcome import Failure, Outcome, Solution
-from hmap_core.planner.strategies.remove_obstacles import clear_path
+from hmap_core.planner.strategies.remove_obstacles import clear_path, removable_load
 from hmap_core.planner.surroundings import nearest_first
 from hmap_core.planner.tasks import PathTask
 from hmap_core.planner.tools import with_tool_placed
@@ -33,12 +33,13 @@ class AttachedPathStrategy:
 
     def solve(self, search: "Search", task: PathTask) -> Outcome:
         """Try the contacts of the nearest robot first."""
-        record = search.context.record
-        for path in self._paths(search.context, task):
+        record, context = search.context.record, search.context
+        load = removable_load(path_scene(context.scene, task), task)
+        for path in self._paths(context, task, load):
             record.counts["waypoint_plans"] += 1
             subgoal = replace(task.subgoal, attached_path=path)
             with record.tree.attempt(f"hand of {path.robot}, path of {len(path.poses)} poses"):
-                cleared = clear_path(search, subgoal, task.sequence, path.poses, path.blockers)
+                cleared = clear_path(search, subgoal, task.sequence, path.poses, (*load, *path.blockers))
                 if isinstance(cleared, Failure):
                     if isinstance(cleared.error, RemovalError):
                         record.failed(cleared.error)
@@ -48,12 +49,12 @@ class AttachedPathStrategy:
                 return outcome
         return record.last_failure()
 
-    def _paths(self, context: SearchContext, task: PathTask) -> Iterator[AttachedPath]:
-        """Such paths, of one robot after the other."""
+    def _paths(self, context: SearchContext, task: PathTask, load: tuple[str, ...]) -> Iterator[AttachedPath]:
+        """Such paths, of one robot after the other, once the ``load`` of the object is gone."""
         object, state = task.object, with_tool_placed(task.sequence.state, task.sequence.tool_grasp)
-        goal, scene = goal_of_round(context, task, state), path_scene(context.scene, task)
+        goal, scene = goal_of_round(context, task, state), without(path_scene(context.scene, task), load)
         context.report("waypoints", text=f"path of '{object}' with a hand attached {task.subgoal.reason}")
-        bare = without(scene, scene.removable)
+        bare = without(scene, scene.removable)  # of the load, too
         for robot in nearest_first(scene, object, state, tuple(scene.robots)):
             contacts = context.components.end_contacts.find(
                 bare, state, object, goal.pose, robot, HANDS_TRIED, context.seed()

@@ -12,7 +12,7 @@ from hmap_core.planner.obstruction import without
 from hmap_core.planner.outcome import Failure, Outcome, Solution
 from hmap_core.planner.protocols import ObjectPathQuery
 from hmap_core.planner.strategies.pushed_paths import push_planner
-from hmap_core.planner.strategies.remove_obstacles import clear_path
+from hmap_core.planner.strategies.remove_obstacles import clear_path, removable_load, why_stuck
 from hmap_core.planner.tasks import PathTask
 from hmap_core.planner.tools import with_tool_placed
 from hmap_core.types import Goal, Scene, SceneState, TaskMode
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from hmap_core.planner.search import Search
 
 PATHS_AT_FIRST = 3  # object paths in the first round, as long as they lead to no contact at all
+STUCK_ROUND = 1  # round after which it is looked whether the obstacles on the path can be moved at all
 TASK_CHECKS = 500_000  # motions checked for one path of the task's object, some 5 s
 OBSTACLE_CHECKS = 100_000  # motions checked for the path of an obstacle to one of several places
 
@@ -70,13 +71,28 @@ class ObjectPathStrategy:
             task.ready = None
             cleared = clear_path(search, task.subgoal, task.sequence, task.poses, blockers)
             if isinstance(cleared, Failure):
-                return cleared
+                return self._unless_stuck(search, task, blockers, cleared)
             task.ready = cleared.sequence
             return search.follow(task.subgoal, cleared.sequence, task.poses, cleared.known)
+
+    def _unless_stuck(self, search: "Search", task: PathTask, blockers: tuple[str, ...], failure: Failure) -> Failure:
+        """The failure of a path with obstacles on it; that of the obstacles if nothing can move them."""
+        looks = task.number == STUCK_ROUND and task.subgoal.depth == 0 and task.sequence.tool_grasp is None
+        if not (blockers and looks) or failure.ends_round:
+            return failure
+        with search.context.record.tree.attempt(f"whether {', '.join(blockers)} can be moved") as node:
+            stuck = why_stuck(search, task, blockers)
+            if stuck is None:
+                node.succeed()
+                return failure
+            node.fail(stuck.stage, stuck.code, stuck.reason)
+        return Failure.of(stuck, ends_round=True)
 
 
 def _plan(context: SearchContext, task: PathTask) -> tuple[np.ndarray, tuple[str, ...]]:
     """Poses (M, 7) of the object on a path to its goal, and the removable bodies that are in its way.
+
+    What stands on the object is in its way, too.
 
     Raises:
         NoObjectPath: there is no path, even without the removable bodies.
@@ -84,17 +100,19 @@ def _plan(context: SearchContext, task: PathTask) -> tuple[np.ndarray, tuple[str
     state = with_tool_placed(task.sequence.state, task.sequence.tool_grasp)
     goal = goal_of_round(context, task, state)
     scene = path_scene(context.scene, task)
+    load = removable_load(scene, task)
+    scene = without(scene, load)
     checks = TASK_CHECKS if task.subgoal.depth == 0 else OBSTACLE_CHECKS
     try:
         poses = _object_path(context, scene, state, goal, checks).poses
-        return _pushable(context, state, task, poses), ()
+        return _pushable(context.within(scene) if load else context, state, task, poses), load
     except NoObjectPath as error:
         if not error.free_without:
             raise
         blockers, path = error.free_without, error.path_without
     if path is None:
         path = _object_path(context, without(scene, blockers), state, goal, checks)
-    return path.poses, blockers
+    return path.poses, (*load, *blockers)
 
 
 def _object_path(context: SearchContext, scene: Scene, state: SceneState, goal: Goal, checks: int) -> ObjectPath:

@@ -8,13 +8,16 @@ import numpy as np
 
 from hmap_core.planner import steps
 from hmap_core.planner.contact_filters import CostTerm, bodies_hit
-from hmap_core.planner.obstacle_removal import RemovalError, raise_if_alone
-from hmap_core.planner.obstruction import CONTACT_ROOM, in_motions, met, without
+from hmap_core.planner.diagnosis import why_no_contact
+from hmap_core.planner.obstacle_removal import BlockedError, RemovalError, StuckError, raise_if_alone
+from hmap_core.planner.obstruction import CONTACT_ROOM, in_motions, met, stacked_on, without
 from hmap_core.planner.outcome import Failure, Outcome, Solution
 from hmap_core.planner.relaxed import RelaxedSolution
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal, removable_for
 from hmap_core.planner.sweep import motion_sweeps, object_sweep
-from hmap_core.planner.tasks import WaypointTask
+from hmap_core.planner.tasks import PathTask, WaypointTask
+from hmap_core.planner.tools import with_tool_placed
+from hmap_core.types import Scene
 
 if TYPE_CHECKING:
     from hmap_core.planner.search import Search
@@ -35,6 +38,17 @@ class RemoveObstacles:
         if not isinstance(found, RelaxedSolution):
             return found
         return _removed(search, task.subgoal, task.sequence, found.in_the_way, found)
+
+
+def removable_load(scene: Scene, task: PathTask) -> tuple[str, ...]:
+    """The removable bodies that stand on the object of a round, on each other or on several: from below to the top.
+
+    Args:
+        scene: in which only those bodies are removable that the subgoal may move.
+        task: the round.
+    """
+    state = with_tool_placed(task.sequence.state, task.sequence.tool_grasp)
+    return tuple(name for name in stacked_on(scene, state, task.object) if name in scene.removable)
 
 
 def clear_path(
@@ -66,6 +80,33 @@ def clear_path(
         return search.context.record.last_failure()
     ordered = met(search.context.scene, placed.state, subgoal.goal.object, poses, blockers)
     return _removed(search, subgoal, placed, found.with_all(ordered), found)
+
+
+def why_stuck(search: "Search", task: PathTask, blockers: Sequence[str]) -> StuckError | None:
+    """Why obstacles cannot be moved out of the way of a path, even if it is not known how it would be followed.
+
+    Args:
+        search: the job, whose last failure stays the same.
+        task: the round, with the path.
+        blockers: removable bodies on the path.
+
+    Returns:
+        The reason; None if they can be moved, or if it is not known.
+    """
+    context, subgoal = search.context, task.subgoal
+    before = context.record.last_failure()
+    try:
+        search.removal.clear(subgoal, task.sequence, blockers, [object_sweep(context.scene, task.object, task.poses)])
+    except BlockedError:
+        return None
+    except RemovalError as error:
+        name = error.body or blockers[0]
+        why = why_no_contact(context.scene, task.sequence.state, name, task.sequence.state.poses[name])
+        return StuckError(f"{error.reason}; nothing can move '{name}' where it stands: {why}", error.code)
+    finally:
+        if before.error is not None:
+            context.record.failed(before.error)
+    return None
 
 
 def _removed(

@@ -1,0 +1,49 @@
+"""Whether the robots of a scene can move a body at all, by its weight."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from hmap_core.contacts.grip_force import lifting_problem, sliding_problem
+from hmap_core.types import Goal, Scene, TaskMode
+
+LIFTED = 1e-3  # m between start and goal, beyond the tolerance of the goal, for which a body has to be lifted
+TILTED = float(np.deg2rad(1.0))  # rad of tilt between them, likewise
+
+
+def has_to_be_lifted(T_start: np.ndarray, goal: Goal) -> bool:
+    """Whether a body has to leave its support on the way from T_start (7,) to a goal: it changes height or tilt."""
+    if abs(goal.pose[2] - T_start[2]) > LIFTED + goal.position_tolerance:
+        return True
+    tilt = np.arccos(np.clip(_up(T_start) @ _up(goal.pose), -1.0, 1.0))
+    return bool(tilt > TILTED + goal.rotation_tolerance)
+
+
+def weight_problem(scene: Scene, object: str, robots: Iterable[str], lifted: bool) -> str:
+    """Why none of the robots can move a body, by its weight alone; empty if one can, and in a kinematic task.
+
+    Args:
+        scene: the task.
+        object: name of the body.
+        robots: names of robots.
+        lifted: whether the body has to be lifted; otherwise it may slide on its support.
+    """
+    if scene.mode == TaskMode.KINEMATIC:
+        return ""
+    body, problems = scene.bodies[object], []
+    for name in robots:
+        model = scene.robots[name].model
+        problem = lifting_problem(body, name, model) if lifted else sliding_problem(body, name, model)
+        if not problem:
+            return ""
+        problems.append(problem)
+    if not problems:
+        return ""
+    verb = "lift" if lifted else "move"
+    return f"'{object}' weighs {body.mass:.4g} kg, which no robot can {verb}: {'; '.join(problems)}"
+
+
+def _up(T: np.ndarray) -> np.ndarray:
+    """The world's vertical (3,) in the frame of a body at T (7,)."""
+    x, y, z, w = T[3:]
+    return np.array([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)])
