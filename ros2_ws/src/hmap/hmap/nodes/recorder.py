@@ -5,6 +5,7 @@ import sys
 import threading
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 from typing import Literal
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -101,7 +102,7 @@ class Recorder(HmapNode):
                 self._topics.add(topic)
                 self._record(topic, kinds[0])
         back = self._bag_time.offset * 1e-9
-        values = {"clock_went_back_s": round(back, 3)} if back else {}
+        values: dict[str, Any] = {"clock_went_back_s": round(back, 3)} if back else {}
         self.set_status("recording", topics=len(self._topics), messages=self._count, **values)
 
     def _record(self, topic: str, kind: str) -> None:

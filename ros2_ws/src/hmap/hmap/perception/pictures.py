@@ -106,9 +106,9 @@ class PictureParts:
                 )
         same_length(f"the names {of}", names.names, len(names.numbers), "numbers")
         known, problems = instance_names(names.names, [int(number) for number in names.numbers])
-        problems = tuple(f"the names {of}: {text}" for text in problems)
+        named = tuple(f"the names {of}: {text}" for text in problems)
         time = seconds_from_message(depth.header.stamp)
-        return Picture(self.camera, time, pixels, numbers, known, K, problems)
+        return Picture(self.camera, time, pixels, numbers, known, K, named)
 
 
 def instance_names(names: Sequence[str], numbers: Sequence[int]) -> tuple[dict[str, int], list[str]]:

@@ -117,19 +117,21 @@ class SceneMonitor:
         """
         until = time.monotonic() + patience
 
-        def fresh() -> bool:
+        def fresh() -> tuple[float, SceneState] | None:
             self._clock.now()
             newest = self._states.newest()
-            return newest is not None and newest[0] > after and time.monotonic() - self._arrived <= self._stale_after
+            arrived = time.monotonic() - self._arrived <= self._stale_after
+            return newest if newest is not None and newest[0] > after and arrived else None
 
         with self._news:
-            self._wait(fresh, until)
-            if not fresh():
+            self._wait(lambda: fresh() is not None, until)
+            found = fresh()
+            if found is None:
                 raise InputError(
                     f"no fresh world state within {patience:g} s: is perception running, and do its sensors speak?",
                     Code.STALE_STATE,
                 )
-            return self._states.newest()
+            return found
 
     def settled(self, patience: float) -> SceneState:
         """Where everything is once it stands, or after as long as one waits for that.
