@@ -5,8 +5,7 @@ import sys
 import threading
 from importlib import import_module
 from pathlib import Path
-from typing import Any
-from typing import Literal
+from typing import Any, Literal
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.rosbag2 import StoragePlugin, Writer
