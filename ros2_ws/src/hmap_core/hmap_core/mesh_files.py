@@ -3,6 +3,7 @@
 The judge has a reader of its own (:mod:`hmap_core.validation.files`).
 """
 
+import logging
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -18,12 +19,15 @@ from hmap_core.exceptions import Code, InputError
 FORMATS = (".stl", ".obj", ".dae", ".glb", ".gltf", ".ply", ".off")
 MIN_FACES = 4  # faces of a surface that encloses a volume
 LARGEST = 1e6  # m, of a coordinate
+SMALLEST = 1e-9  # m, thickness below which a mesh counts as flat
 FLAT = 1e-6  # thickness relative to the largest extent below which a mesh counts as flat
 MAX_HULL_VERTICES = (
     8192  # of a hull; larger ones are simplified. Indices of vertices have 16 bits in the collision checks
 )
 FILES_KEPT = 16384  # whose hulls a process keeps; a decomposed body has one for each of its parts
 CHUNK = 256  # directions at once in the computation of support points
+
+logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # its readers log the traces of errors that they get over
 
 # What was assumed in reading a mesh: bits of a number, so that they can be kept with the hull.
 INSIDE_OUT, TURNED, SIMPLIFIED = 1, 2, 4
@@ -120,9 +124,11 @@ def _read(path: Path) -> tuple["trimesh.Trimesh", int]:
         raise _unusable(path, f"is of an unknown format; allowed: {', '.join(FORMATS)}")
     unit, notes = _collada_asset(path) if path.suffix.lower() == ".dae" else (1.0, 0)
     try:
-        mesh = trimesh.load_mesh(path)
+        finite = bool(np.isfinite(trimesh.load_mesh(path, process=False).vertices).all())
+        mesh = trimesh.load_mesh(path)  # drops vertices that are not finite, and their faces
+        if mesh.vertices.shape[1:] != (3,):
+            raise ValueError("its vertices have no three coordinates")
         mesh.remove_unreferenced_vertices()
-        finite = bool(np.isfinite(mesh.vertices).all())
     except ModuleNotFoundError as error:
         raise _unusable(path, f"needs the Python package {error.name}: pip install {error.name}") from error
     except Exception as error:  # the readers of the various formats raise exceptions of any type
@@ -133,9 +139,10 @@ def _read(path: Path) -> tuple["trimesh.Trimesh", int]:
         raise _unusable(path, f"is not a mesh: a coordinate is not finite, or larger than {LARGEST:g}")
     if unit != 1.0:
         mesh.apply_scale(unit)
-    if mesh.is_watertight and mesh.is_winding_consistent and mesh.volume < 0.0:
-        mesh.invert()
-        notes |= INSIDE_OUT
+    with np.errstate(all="ignore"):  # a volume of 0 is refused with the hull
+        if mesh.is_watertight and mesh.is_winding_consistent and mesh.volume < 0.0:
+            mesh.invert()
+            notes |= INSIDE_OUT
     return mesh, notes
 
 
@@ -180,7 +187,7 @@ def _convex_hull(path: Path, points: np.ndarray) -> ConvexHull:
     extent = np.ptp(points, axis=0).max()
     thickness = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1] / np.sqrt(len(points))
     try:
-        if thickness <= FLAT * extent:
+        if thickness <= max(FLAT * extent, SMALLEST):
             raise QhullError("flat")
         return ConvexHull(points)
     except QhullError as error:

@@ -77,6 +77,10 @@ BAD = {
     "flat.obj": (FLAT, "is flat: its points span no volume"),
     "point.obj": ("v 1 1 1\n" * 4 + "f 1 2 3\n" * 4, "is"),
     "nan.obj": (FLAT.replace("1 1 0", "1 1 nan"), "is not a mesh"),
+    "dust.obj": (
+        "v 0 0 0\nv 1e-10 0 0\nv 0 1e-10 0\nv 0 0 1e-10\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n",
+        "is",
+    ),
     "huge.obj": (FLAT.replace("1 1 0", "1 1 1e9"), "a coordinate is not finite, or larger than 1e+06"),
     "box.glb": ("glTF", "is not a mesh"),
     "box.dae": ("<COLLADA>", "is not a mesh"),

@@ -1,6 +1,7 @@
 """The planner's reader of robot descriptions, the judge's own, and the simulation give the same robots."""
 
 import math
+import re
 
 import mesh_fixtures as meshes
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from robot_fixtures import write
 
 from hmap_core.collision.convex import hull_vertices
+from hmap_core.exceptions import Code, InputError
 from hmap_core.robot_description import RobotDescription, cleaned_urdf, load_robot_description
 from hmap_core.simulation.client import BulletClient
 from hmap_core.transforms import apply, to_matrix
@@ -227,3 +229,32 @@ def test_shapes_are_placed_alike(folder):
     seen = judged.solid.points @ judged.R.T + judged.p
     np.testing.assert_allclose(seen.max(axis=0), [1.0, 0.0, 0.3], atol=1e-6)
     np.testing.assert_allclose(math.pi / 2, 2 * math.acos(shape.pose[6]), atol=1e-9)
+
+
+JUNK = ("nan", "inf", "-1", "0", "", "1e309", "1,5", "${x}", "0 0", "1 2 3 4", "joint1", "link1", "1_0", "..", "planar")
+FAULTS = 120
+FAULTY = re.compile(r' \w+="([^"]*)"|<(link|joint|collision|limit|origin|geometry|mimic)\b.*?(</\2>|/>)')
+
+
+@pytest.mark.parametrize("seed", range(FAULTS))
+def test_what_the_planner_accepts_the_judge_reads_and_nothing_else_happens(folder, seed):
+    """Random faults: attributes with other values, and attributes or elements left out or doubled."""
+    writer = Writer(seed)
+    text = writer.robot()
+    for _ in range(writer.rng.integers(1, 4)):
+        found = list(FAULTY.finditer(text))
+        match = found[writer.rng.integers(len(found))]
+        part = match.group()
+        value = match.group(1)
+        junk = "" if value is None else part.replace(f'"{value}"', f'"{writer.rng.choice(JUNK)}"')
+        text = text[: match.start()] + str(writer.rng.choice(["", junk, part * 2])) + text[match.end() :]
+    file = write(folder, text, f"faulty{seed}.urdf")
+    description = load_robot_description(file)
+    judged: judge.Urdf | None = None
+    try:
+        judged = judge.load(str(file))
+    except InputError as error:
+        assert error.code == Code.INVALID_PLAN_FILE
+    if not description.errors:
+        assert judged is not None
+        cleaned_urdf(description)
