@@ -15,8 +15,9 @@ def cylinder(radius: float, length: float) -> str:
     return f'<cylinder radius="{radius}" length="{length}"/>'
 
 
-def rails_urdf(tool: str) -> str:
+def rails_urdf(tool: str, lift: bool = True) -> str:
     """Two rails, yaw and lift above the table, with a tool below; its end effector looks up."""
+    up = dict(axis="0 0 1", limits=(0.0, 0.4))
     return "".join(
         [
             link("base", 5.0, ""),
@@ -27,7 +28,7 @@ def rails_urdf(tool: str) -> str:
             joint("slide_x", "prismatic", "base", "bridge", axis="1 0 0", limits=(-0.8, 0.8)),
             joint("slide_y", "prismatic", "bridge", "carriage", axis="0 1 0", limits=(-0.8, 0.8)),
             joint("yaw", "revolute", "carriage", "spindle", axis="0 0 1", limits=(-3.2, 3.2)),
-            joint("lift", "prismatic", "spindle", "tool", "0 0 0.02", axis="0 0 1", limits=(0.0, 0.4)),
+            joint("lift", "prismatic" if lift else "fixed", "spindle", "tool", "0 0 0.02", **up),
         ]
     )
 
@@ -84,6 +85,7 @@ ROBOTS = {
         name: (rails_urdf(tool), RAILS, "tool", "0 0 0", (-0.4, 0.0, 0.0, 0.2), (400, 400, 60, 400), [], "")
         for name, tool in TOOLS.items()
     },
+    "flat": (rails_urdf(TOOLS["disc"], False), RAILS[:3], "tool", "0 0 0", (-0.4, 0.0, 0.0), (400, 400, 60), [], ""),
     "scara": (
         scara_urdf(),
         ("shoulder", "elbow", "quill_slide", "turn"),
@@ -150,10 +152,10 @@ fixed:
   table: {shape: box, size: [2, 2, 0.05], pose: {xyz: [0, 0, -0.025]}}
   wall: {shape: box, size: [0.3, 0.02, 0.06], pose: {xyz: [0.45, 0, 0.03]}}
 movable:
-  puck: {shape: cylinder, size: [0.03, 0.04], pose: {xyz: [x, y, 0.02]}, mass: 0.2}
+  puck: {shape: cylinder, size: [0.03, 0.02], pose: {xyz: [x, y, 0.01]}, mass: 0.2}
 robots:
   arm: {model: MODEL, base: {xyz: [0, 0, 0]}}
-goal: {object: puck, pose: {xyz: [0.42, 0.2, 0.02]}, rotation_tolerance_deg: 180}
+goal: {object: puck, pose: {xyz: [0.42, 0.2, 0.01]}, rotation_tolerance_deg: 180}
 """
 )
 CRATE = (

@@ -47,7 +47,7 @@ def sampled(scene: Scene, poses: np.ndarray) -> list[ContactPoint]:
     return list(next(iter(SampledContacts().propose(query))).contacts)
 
 
-@pytest.mark.parametrize(("robot", "directions"), [("disc", 4), ("scara", 4), ("five", 5)])
+@pytest.mark.parametrize(("robot", "directions"), [("flat", 3), ("disc", 4), ("scara", 4), ("five", 5)])
 def test_the_mobility_of_an_arm_is_the_rank_of_its_jacobian(tmp_path, robot, directions):
     assert load_arm(load_robot_model(str(write_robot(tmp_path, robot)))).mobility == directions
 
@@ -57,7 +57,8 @@ def test_an_arm_with_seven_joints_reaches_every_orientation():
 
 
 @pytest.mark.parametrize(
-    ("task", "robot"), [("puck", "disc"), ("puck", "stick"), ("puck", "five"), ("brick", "scara"), ("brick", "five")]
+    ("task", "robot"),
+    [("puck", "disc"), ("puck", "flat"), ("puck", "stick"), ("puck", "five"), ("brick", "scara"), ("brick", "five")],
 )
 def test_sampled_contacts_are_within_the_mobility_of_the_arm(tmp_path, task, robot):
     """Each frame is reached at the start; the part of it that the contact constrains is kept."""
@@ -148,7 +149,7 @@ def test_only_a_scene_without_an_arm_of_six_joints_keeps_tilts(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("robot", ["disc", "stick", "scara", "five"])
+@pytest.mark.parametrize("robot", ["disc", "flat", "stick", "scara", "five"])
 def test_a_puck_is_carried_round_a_wall(tmp_path, robot, seed):
     """A kinematic task, which is judged and not executed."""
     made = plan(scene_of(tmp_path, "puck", robot, seed), seed=seed)

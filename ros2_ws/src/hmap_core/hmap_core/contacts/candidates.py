@@ -158,7 +158,12 @@ def frames(z: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def on_surface(
-    R: np.ndarray, points: np.ndarray, normals: np.ndarray, tip: np.ndarray, radius: np.ndarray | float = 0.0
+    R: np.ndarray,
+    points: np.ndarray,
+    normals: np.ndarray,
+    tip: np.ndarray,
+    radius: np.ndarray | float = 0.0,
+    end: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Slide fingers along the normals until they touch the tangent planes.
 
@@ -167,6 +172,7 @@ def on_surface(
         points, normals: (N, 3) where to touch.
         tip: (V, 3) the finger's vertices, end-effector frame.
         radius: (V,) of the spheres round them, m.
+        end: (3,) direction in which the end of the finger lies, that touches; None: the z axis of the hand.
 
     Returns:
         origin (N, 3) of the end-effector frame, for which the foremost vertices lie CONTACT_GAP above the plane with
@@ -176,7 +182,7 @@ def on_surface(
     ahead = inward @ tip.T + radius
     foremost = ahead.max(axis=1)
     feature = ahead >= foremost[:, None] - FEATURE
-    height = np.where(feature, tip[:, 2], -np.inf)
+    height = np.where(feature, tip[:, 2] if end is None else np.einsum("i,nij,vj->nv", end, R, tip), -np.inf)
     feature &= height >= height.max(axis=1)[:, None] - TIP_LENGTH
     centre = feature @ tip / feature.sum(axis=1)[:, None]
     origin = points - np.einsum("nij,nj->ni", R, centre)

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from hmap_core.collision.scene_model import CollisionModel
-from hmap_core.contacts.candidates import Hand, clear_of_palm, frames, on_surface, tangents
+from hmap_core.contacts.candidates import FEATURE, Hand, clear_of_palm, frames, on_surface, tangents
 from hmap_core.contacts.feasibility import RESTARTS, drawn_back
 from hmap_core.contacts.grasp import depth_below
 from hmap_core.contacts.grasp_axis import turned_grasps
@@ -45,6 +45,7 @@ NEARNESS = 100.0  # weight of the sampled orientation, 1 / rad^2; inverse kinema
 FIRST_PLACE = 2  # pose of the object's path that a contact has to serve to at least, as far as there is one
 PLACES = 5  # poses of the path, from that one on, at which it is looked whether the frame is reached
 SAME_AXIS = 0.01  # rad that a closing axis may be off the sampled one without another grasp being made of it
+UPRIGHT = 1e-3  # sine of a face's angle to the vertical up to which a hand may touch it at any height
 LEVEL = 0.5  # sine of the angle to the vertical from which on a closing axis can be made horizontal
 SAME_FRAME = 1e-3  # m and in entries of the rotation matrix: frames that differ by less are one
 
@@ -59,6 +60,8 @@ class _Constraint:
         hand: the fingers.
         axis: (K, 3) of the hand, end-effector frame, and
         direction: (K, 3) along which it lies; None if every rotation is allowed.
+        up: (3,) vertical direction.
+        slides: whether any height of the hand's foremost part may touch, and not only its lower end.
     """
 
     contacts: Sequence[ContactPoint]
@@ -66,6 +69,8 @@ class _Constraint:
     hand: Hand
     axis: np.ndarray | None
     direction: np.ndarray | None
+    up: np.ndarray
+    slides: bool = False
 
     def __getitem__(self, chosen: np.ndarray) -> "_Constraint":
         contacts = [self.contacts[k] for k in chosen.tolist()]
@@ -83,27 +88,40 @@ class _Constraint:
         """The normals (K, 3) there."""
         return np.array([contact.normal for contact in self.contacts])
 
-    def points(self, R: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points of the hand, and where they have to be, for orientations R (K, 3, 3).
+    def points(self, T_obj_ee: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Points of the hand, and where they have to be, for a hand near frames T_obj_ee (K, 7).
 
         Returns:
             Points (K, 3) in the end-effector frame, points (K, 3) in the object frame, and (K,) whether the hand fits.
         """
+        R = rotation_matrices(T_obj_ee)
         if self.contacts[0].kind == ContactKind.GRASP:
             width = np.array([contact.opening for contact in self.contacts])
             middle = self.surface - 0.5 * width[:, None] * self.normals
             above = depth_below(middle, np.ascontiguousarray(-R[:, :, 2]), *self.own.arrays)
             shallower, fits = clear_of_palm(above, self.hand)
             return np.c_[np.zeros((len(R), 2)), shallower], middle, fits
-        origin, feature = on_surface(R, self.surface, self.normals, self.hand.tip, self.hand.tip_radius)
-        centre = feature @ self.hand.tip / feature.sum(axis=1)[:, None]
-        return centre, origin + np.einsum("kij,kj->ki", R, centre), np.ones(len(R), bool)
+        origin, feature = on_surface(R, self.surface, self.normals, self.hand.tip, self.hand.tip_radius, end=-self.up)
+        points = feature @ self.hand.tip / feature.sum(axis=1)[:, None]
+        targets = origin + np.einsum("kij,kj->ki", R, points)
+        if self.slides:
+            higher = np.clip((origin - T_obj_ee[:, :3]) @ self.up, 0.0, self._room_above(R, origin, points))
+            points = points + higher[:, None] * np.einsum("kij,i->kj", R, self.up)
+        return points, targets, np.ones(len(R), bool)
+
+    def _room_above(self, R: np.ndarray, origin: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """How far (K,) the foremost part of the hand at orientations R and origins extends above its points, m."""
+        corners = np.einsum("kij,vj->kvi", R, self.hand.tip)
+        off = np.einsum("kvi,ki->kv", corners + (origin - self.surface)[:, None], self.normals) - self.hand.tip_radius
+        foremost = off <= off.min(axis=1)[:, None] + FEATURE
+        highest = np.where(foremost, corners @ self.up, -np.inf).max(axis=1)
+        upright = np.abs(self.normals @ self.up) <= UPRIGHT
+        return np.where(upright, highest - np.einsum("kij,kj->ki", R, points) @ self.up, 0.0)
 
     def fulfilled(self, T_obj_ee: np.ndarray) -> np.ndarray:
         """Whether (K,) end-effector frames (K, 7) make the contacts."""
-        R = rotation_matrices(T_obj_ee)
-        points, targets, fits = self.points(R)
-        off = T_obj_ee[:, :3] + np.einsum("kij,kj->ki", R, points) - targets
+        points, targets, fits = self.points(T_obj_ee)
+        off = T_obj_ee[:, :3] + np.einsum("kij,kj->ki", rotation_matrices(T_obj_ee), points) - targets
         across = np.einsum("ki,ki->k", off, self.normals)
         beside = np.linalg.norm(off - across[:, None] * self.normals, axis=1)
         return fits & (np.abs(across) <= ON_POINT) & (beside <= BESIDE_POINT)
@@ -162,13 +180,13 @@ def _constraint(
     if kind == ContactKind.TOUCH:
         down = np.tile(-up, (len(R[::2]), 1))
         R[::2] = turned_frames(down, tangents(down, np.eye(3)[0])[0], rng.uniform(-np.pi, np.pi, len(down)))
-        return R, _Constraint(contacts, own, hand, None, None)
+        return R, _Constraint(contacts, own, hand, None, None, up)
     if kind == ContactKind.GRASP:
         along = R[:, :, 1]
     else:
         along = np.cross(up, [contact.normal for contact in contacts])
         along /= np.linalg.norm(along, axis=1)[:, None]
-    return R, _Constraint(contacts, own, hand, np.einsum("kij,ki->kj", R, along), along)
+    return R, _Constraint(contacts, own, hand, np.einsum("kij,ki->kj", R, along), along, up)
 
 
 class _FrameSolver:
@@ -218,7 +236,7 @@ class _FrameSolver:
         todo = np.arange(len(q))
         for turn in range(TURNS):
             own = constraint[todo]
-            points, targets, _ = own.points(rotation_matrices(self.T_obj_ee(q[todo])))
+            points, targets, _ = own.points(self.T_obj_ee(q[todo]))
             params = [self._pose(points, targets, R[todo])]
             if own.axis is not None and own.direction is not None:
                 R_tip, R_obj = rotation_matrix(self._manipulation.T_tip_ee), rotation_matrix(self._T_world_obj)
@@ -274,11 +292,16 @@ def _placed(
 ) -> Iterator[tuple[int, ContactPoint, np.ndarray]]:
     """Contacts that the arm reaches, near orientations R (K, 3, 3): index, contact, and configuration (n,)."""
     made, q = np.zeros(len(R), bool), np.zeros((len(R), len(solver.home)))
-    for start in (solver.home, *solver.configurations(RESTARTS, rng)):
-        todo = np.flatnonzero(~made)
-        if len(todo):
-            own = constraint[todo]
-            q[todo], made[todo] = solver.exact(own, R[todo], solver.near(own.surface, R[todo], start))
+    starts = [solver.home, *solver.configurations(RESTARTS, rng)]
+    for slides in (False, True):
+        own = replace(constraint, slides=slides)
+        for start in starts:
+            todo = np.flatnonzero(~made)
+            if len(todo):
+                near = solver.near(constraint.surface[todo], R[todo], start)
+                q[todo], made[todo] = solver.exact(own[todo], R[todo], near)
+        if made.any() or constraint.contacts[0].kind == ContactKind.GRASP:
+            break
     T_obj_ee = solver.T_obj_ee(q)
     for k in np.flatnonzero(made).tolist():
         yield k, _turned(constraint.contacts[k], T_obj_ee[k]), q[k]
