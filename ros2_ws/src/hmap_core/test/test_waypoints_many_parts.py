@@ -5,8 +5,9 @@ import time
 import numpy as np
 import pytest
 from geometry_fixtures import box
-from many_parts_fixtures import parts, random_pose, window
+from many_parts_fixtures import parts, random_pose
 
+from hmap_core.benchmark.many_parts import window
 from hmap_core.collision.bvh import build_tree
 from hmap_core.transforms import pose
 from hmap_core.types import Body, BodyKind, Shape, ShapeKind
@@ -69,7 +70,7 @@ def test_the_trees_find_what_the_comparison_of_all_pairs_finds(monkeypatch):
 
 
 def test_a_concave_body_of_many_parts_passes_a_window_of_many_parts():
-    problem = window(300, 0)
+    problem = window(300, 300, 0)
     path = plan_waypoints(problem, np.random.default_rng(0), 60.0)
     every = ObjectChecker(problem, Geometry(problem), False, 0.002)
     assert all(every.motion_free(a, b) for a, b in zip(path.poses[:-1], path.poses[1:], strict=True))
@@ -80,8 +81,8 @@ def test_a_concave_body_of_many_parts_passes_a_window_of_many_parts():
 
 @pytest.mark.parametrize("limit", [0.5, 1.5])
 def test_a_search_among_many_parts_keeps_its_time_limit(limit):
-    problem = window(1000, 1, lid=True)
-    plan_waypoints(window(1000, 1), np.random.default_rng(0), 60.0)  # the shapes of both are known from then on
+    problem = window(1000, 1000, 1, lid=True)
+    plan_waypoints(window(1000, 1000, 1), np.random.default_rng(0), 60.0)  # the shapes of both are known from then on
     began = time.process_time()  # not the clock: other work on the machine does not count
     with pytest.raises(NoObjectPath, match=f"the search ended with its time limit of {limit} s") as error:
         plan_waypoints(problem, np.random.default_rng(0), limit)

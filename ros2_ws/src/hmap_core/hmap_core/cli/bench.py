@@ -2,13 +2,17 @@
 
 import argparse
 
-from hmap_core.cli import bench_generality, bench_komo, bench_limits, bench_startup, bench_tasks
+from hmap_core.cli import bench_generality, bench_komo, bench_limits, bench_parts, bench_startup, bench_tasks
 
-HELP = "measure: tasks and generality (how often they are solved, how fast), komo (against RAI's), limits or startup"
+HELP = (
+    "measure: tasks and generality (how often they are solved, how fast), komo (against RAI's), limits, "
+    "parts (object paths among many parts) or startup"
+)
 WHAT = {
     "generality": bench_generality,
     "komo": bench_komo,
     "limits": bench_limits,
+    "parts": bench_parts,
     "startup": bench_startup,
     "tasks": bench_tasks,
 }

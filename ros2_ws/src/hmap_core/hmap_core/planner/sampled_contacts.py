@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from hmap_core.contacts.access import accessible
-from hmap_core.contacts.camera import Cloud, visible_points
+from hmap_core.contacts.camera import SKIN, Cloud, visible_points
 from hmap_core.contacts.candidates import Situation
 from hmap_core.contacts.free_rotation import reached_frames
 from hmap_core.contacts.grasp_torque import pad_balance, push_torque_ratio
@@ -14,6 +14,7 @@ from hmap_core.contacts.sampler import sample_contacts
 from hmap_core.contacts.solids import solids
 from hmap_core.kinematics.arm import ALL_DIRECTIONS, load_arm
 from hmap_core.komo.manipulation import Manipulation
+from hmap_core.planner.nearby_shapes import box_of, shapes_in_box
 from hmap_core.planner.protocols import ContactProposals, ContactQuery
 from hmap_core.transforms import multiply, rotation_matrix
 from hmap_core.types import Body, ContactPoint, Robot, Scene, SceneState, TaskMode
@@ -40,10 +41,11 @@ class SampledContacts:
         surface = query.surface
         if surface is None:
             surface = sampled_surface(scene, query.state, query.object, poses[0], query.rng)
-        others = _others(scene, query.state, query.object)
-        around = solids([(shape, T) for other, T in others for shape in other.shapes])
         hand = hand_of(placed)
         room = ACCESS if hand.gripper is None else hand.gripper.pad_half_width
+        near = box_of(scene.bodies[query.object], poses[0]) + (room + SKIN) * np.array([[-1.0], [1.0]])
+        others = shapes_in_box(_others(scene, query.state, query.object), near)
+        around = solids([(shape, T) for other, T in others for shape in other.shapes])
         surface = surface[accessible(surface, poses[0], around, room)]
         ahead = poses[1] if len(poses) > 1 else None
         limited = load_arm(placed.model).mobility < ALL_DIRECTIONS
@@ -94,7 +96,11 @@ def sampled_surface(scene: Scene, state: SceneState, object: str, T_world_obj: n
     Returns:
         SURFACE_POINTS points in the object's frame, with which of them the cameras of the scene see.
     """
-    around, cameras = _others(scene, state, object), scene.cameras.values()
+    cameras = scene.cameras.values()
+    eyes = [camera.pose[:3] for camera in cameras]
+    between = np.concatenate([box_of(scene.bodies[object], T_world_obj), *(eye[None] for eye in eyes)])
+    box = np.array([between.min(axis=0), between.max(axis=0)])  # all lines of sight are in it
+    around = shapes_in_box(_others(scene, state, object), box)
     return visible_points(scene.bodies[object], T_world_obj, around, cameras, rng, SURFACE_POINTS, include_unseen=True)
 
 

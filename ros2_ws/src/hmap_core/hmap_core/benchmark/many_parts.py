@@ -1,0 +1,103 @@
+"""Object paths of bodies of many parts among obstacles of many parts: generated problems, their times and limits."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from hmap_core.transforms import from_rpy, pose
+from hmap_core.types import Body, BodyKind, Shape, ShapeKind
+from hmap_core.waypoints import NoObjectPath, ObjectPathProblem, kernels, plan_waypoints
+from hmap_core.waypoints.checker import PENETRATION_ALLOWED, Geometry
+
+WALL = 2.0  # m, side of the wall in which the window is
+HOLE = 0.4  # m, side of the window
+SIZE = 0.3  # m, length of the bracket's bars
+BEYOND = 90.0  # m, extent of the plates beside the wall, which nothing passes
+LIMIT = 60.0  # s, for problems that have a path
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One search.
+
+    Attributes:
+        cpu, wall: its time, s.
+        limit: its time limit, s.
+        poses: number of poses of the path; 0 without one.
+        clear: whether no pose of the path collides, compared with all pairs of shapes.
+    """
+
+    cpu: float
+    wall: float
+    limit: float
+    poses: int
+    clear: bool
+
+
+def bracket(count: int, rng: np.random.Generator) -> Body:
+    """A concave body: three bars at right angles, one after the other, of ``count`` small boxes."""
+    corners = np.array([[-0.5, -0.5, 0.0], [-0.5, -0.5, 0.0], [0.5, -0.5, 0.0]])
+    shapes = []
+    for bar, many in enumerate((count - 2 * (count // 3), count // 3, count // 3)):
+        for k in range(many):
+            at = SIZE * (corners[bar] + np.eye(3)[bar] * (k + 0.5) / many) + rng.normal(0, 0.004, 3)
+            shapes.append(_box(rng.uniform(0.01, 0.03, 3), at, rng.standard_normal(4)))
+    return Body("bracket", BodyKind.MOVABLE, tuple(shapes), pose(), 1.0)
+
+
+def window(parts: int, obstacle_parts: int, seed: int, lid: bool = False) -> ObjectPathProblem:
+    """A bracket has to pass a window in a wall of many parts, between scattered boxes.
+
+    Args:
+        parts: of the bracket.
+        obstacle_parts: of the wall and the scattered boxes together; some more close the space beside the wall.
+        seed: of the parts' sizes and poses.
+        lid: close the window, so that there is no path.
+    """
+    rng = np.random.default_rng(seed)
+    start, goal = np.array([-0.8, 0.3, 0.2]), np.array([0.8, -0.3, -0.1])
+    rows = int(np.sqrt(0.77 * obstacle_parts))
+    cell = WALL / rows
+    grid = (np.arange(rows) + 0.5) * cell - 0.5 * WALL
+    wall = [
+        _box((0.06, *(cell * rng.uniform(1.0, 1.1, 2))), (rng.normal(0, 0.01), y, z))
+        for y in grid
+        for z in grid
+        if max(abs(y), abs(z)) > 0.5 * (HOLE + cell)
+    ]
+    scattered: list[Shape] = []
+    while len(wall) + len(scattered) < obstacle_parts:
+        at = rng.uniform([-1.2, -1, -1], [1.2, 1, 1])
+        if all(np.linalg.norm(at - free) > 0.42 for free in (start, goal, 0 * at)):
+            scattered.append(_box(rng.uniform(0.02, 0.08, 3), at, rng.standard_normal(4)))
+    middle = 0.25 * BEYOND + 0.49 * WALL
+    beside = [_box((0.02, BEYOND, 0.5 * BEYOND), (0, 0, s * middle)) for s in (-1, 1)]
+    beside += [_box((0.02, 0.5 * BEYOND, BEYOND), (0, s * middle, 0)) for s in (-1, 1)]
+    bodies = [("wall", wall), ("boxes", scattered), ("beside", beside), ("lid", [_box((0.02, 1, 1), (0, 0, 0))] * lid)]
+    obstacles = tuple(Body(name, BodyKind.FIXED, tuple(shapes), pose()) for name, shapes in bodies if shapes)
+    return ObjectPathProblem(
+        bracket(parts, rng), pose(start), from_rpy(goal, (1.0, 0.5, -0.7)), obstacles, motion="spatial"
+    )
+
+
+def _box(size, at, quaternion=(0.0, 0.0, 0.0, 1.0)) -> Shape:
+    return Shape(ShapeKind.BOX, tuple(float(side) for side in size), pose(at, quaternion))
+
+
+def run(problem: ObjectPathProblem, limit: float = LIMIT) -> Trial:
+    """Search a path, from the first look at the shapes on."""
+    cpu, wall = time.process_time(), time.monotonic()
+    try:
+        poses = plan_waypoints(problem, np.random.default_rng(0), limit).poses
+    except NoObjectPath:
+        poses = np.zeros((0, 7))
+    cpu, wall = time.process_time() - cpu, time.monotonic() - wall
+    return Trial(cpu, wall, limit, len(poses), _clear(problem, poses))
+
+
+def _clear(problem: ObjectPathProblem, poses: np.ndarray) -> bool:
+    geometry = Geometry(problem)
+    need = np.full(len(geometry.obstacles.radius), -PENETRATION_ALLOWED)
+    arrays = (*geometry.body_arrays, *geometry.obstacles.arrays)
+    return all(kernels.blocking(T, *arrays, need, np.zeros(len(need))) < 0 for T in poses)

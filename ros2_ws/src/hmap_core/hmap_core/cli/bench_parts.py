@@ -1,0 +1,48 @@
+"""``hmap bench parts``: object paths of bodies of many parts among obstacles of many parts."""
+
+import argparse
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+from hmap_core.cli.main import count
+from hmap_core.cli.plan import check_writable
+
+HELP = "measure object paths of concave bodies of many parts among many parts, and how they keep their time limits"
+PARTS = 1000
+REPEATS = 5
+LIMITS = (1.0, 2.0, 5.0)  # s, of searches that find nothing
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("--parts", type=count, default=PARTS, metavar="N", help=f"of the body ({PARTS})")
+    parser.add_argument("--obstacle-parts", type=count, default=PARTS, metavar="N", help=f"around it ({PARTS})")
+    parser.add_argument("--repeats", type=count, default=REPEATS, metavar="N", help=f"seeds 0 to N - 1 ({REPEATS})")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file, too")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Measure; exit code 1 if a path was not found."""
+    if arguments.json is not None:
+        check_writable(arguments.json)
+    from hmap_core.benchmark import many_parts  # other commands need no benchmarks to be imported
+    from hmap_core.compile_cache import ensure_compiled
+
+    ensure_compiled()
+    results = []
+    print(f"{'problem':<16}{'seed':>5}{'limit s':>9}{'CPU s':>8}{'wall s':>8}{'wall / limit':>14}  path", flush=True)
+    many_parts.run(many_parts.window(30, 30, 0))  # what is compiled is loaded
+    for name, lid, limits in (("window", False, (many_parts.LIMIT,)), ("closed window", True, LIMITS)):
+        for seed in range(arguments.repeats):
+            for limit in limits:
+                problem = many_parts.window(arguments.parts, arguments.obstacle_parts, seed, lid)
+                trial = many_parts.run(problem, limit)
+                path = f"{trial.poses} poses{'' if trial.clear else ', in collision'}" if trial.poses else "none"
+                times = f"{trial.cpu:>8.2f}{trial.wall:>8.2f}{trial.wall / limit:>14.2f}"
+                print(f"{name:<16}{seed:>5}{limit:>9g}{times}  {path}", flush=True)
+                results.append({"problem": name, "seed": seed, **asdict(trial)})
+    if arguments.json is not None:
+        arguments.json.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
+    found = all(trial["poses"] and trial["clear"] for trial in results if trial["problem"] == "window")
+    return 0 if found else 1

@@ -1,0 +1,84 @@
+"""Scenes of hundreds of bodies: what is left out is out of reach or out of sight."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from geometry_fixtures import box
+from many_parts_fixtures import parts, random_pose
+
+from hmap_core import planner
+from hmap_core.collision.convex import hull_vertices
+from hmap_core.komo import surroundings
+from hmap_core.komo.shapes import posed_links
+from hmap_core.komo.workspace import Workspace
+from hmap_core.planner import sampled_contacts
+from hmap_core.planner.nearby_shapes import box_of, shapes_in_box
+from hmap_core.scenes import load_scene
+from hmap_core.transforms import apply
+
+FAR = tuple(box(f"far{k}", (0.3, 0.3, 0.3), (4.0 + 0.4 * k, -3.0, 0.5)) for k in range(60))
+
+
+def with_bodies(scene, bodies):
+    return replace(scene, bodies=scene.bodies | {body.name: body for body in bodies})
+
+
+def pairs_of(scene, robot):
+    """Names of link and body of each pair of a moving arm with what stands around."""
+    model = Workspace(scene, robots=[robot]).surroundings(frozenset(), ((robot, ((0.0, 1),)),)).model
+    names = [(model.names[a], model.names[b]) for a, b, *_ in model.pairs]
+    return [(link, body) for link, body in names if body in scene.bodies]
+
+
+@pytest.mark.parametrize("task", ["tunnel", "bookshelf"])
+def test_an_arm_has_a_pair_with_everything_that_a_link_can_touch(task):
+    """Wherever its joints are."""
+    scene = load_scene(task, 0)
+    name, robot = next(iter(scene.robots.items()))
+    rng = np.random.default_rng(0)
+    lower, upper = robot.model.position_limits
+    touched, bodies = set(), []
+    for _ in range(5):
+        for link, vertices, *_ in posed_links(robot, rng.uniform(lower, upper), 0.0):
+            bodies.append(box(f"b{len(bodies)}", (0.02, 0.02, 0.02), vertices[0]))
+            touched.add((f"{name}/{link}", bodies[-1].name))
+    found = set(pairs_of(with_bodies(scene, bodies), name))
+    fixed = {link for link, _ in touched} - {link for link, _ in found}
+    assert len(fixed) <= 1  # the base, which does not move
+    assert {pair for pair in touched if pair[0] not in fixed} <= found
+
+
+def test_what_no_arm_can_reach_is_no_pair():
+    scene = load_scene("tunnel", 0)
+    name = next(iter(scene.robots))
+    assert pairs_of(with_bodies(scene, FAR), name) == pairs_of(scene, name)
+
+
+def test_shapes_that_reach_into_a_box_are_kept():
+    rng = np.random.default_rng(0)
+    scene = [(parts(f"p{k}", 20, rng, 0.5), random_pose(rng, 0.5)) for k in range(10)]
+    corners = np.array([[-0.2, -0.1, -0.3], [0.3, 0.2, 0.1]])
+    kept = {body.name: body.shapes for body, _ in shapes_in_box(scene, corners)}
+    left_out = 0
+    for body, T in scene:
+        for shape in body.shapes:
+            vertices, radius = hull_vertices(shape)
+            points = apply(T, vertices)
+            inside = np.any(np.all((points > corners[0] - radius) & (points < corners[1] + radius), axis=1))
+            present = any(shape is other for other in kept.get(body.name, ()))
+            assert present or not inside
+            left_out += not present
+        low, high = box_of(body, T)
+        assert np.all(points > low - radius) and np.all(points < high + radius)
+    assert left_out > 50
+
+
+def test_the_plan_is_the_same_as_with_all_of_them(monkeypatch):
+    scene = with_bodies(load_scene("published/bolt", 0), FAR)
+    plan = planner.plan(scene, seed=0, time_limit=120.0)
+    monkeypatch.setattr(surroundings, "BEYOND_REACH", 1e9)
+    monkeypatch.setattr(sampled_contacts, "shapes_in_box", lambda bodies, corners: list(bodies))
+    every = planner.plan(scene, seed=0, time_limit=120.0)
+    for robot, joints in every.trajectory.joints.items():
+        np.testing.assert_array_equal(plan.trajectory.joints[robot], joints)
