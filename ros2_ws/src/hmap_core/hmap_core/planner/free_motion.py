@@ -7,6 +7,7 @@ from itertools import cycle
 import numpy as np
 
 from hmap_core.exceptions import Code, InputError, MotionError
+from hmap_core.komo.allowances import OVERLAP_ALLOWED
 from hmap_core.komo.features import pose_params
 from hmap_core.komo.ik import solve_ik_batch
 from hmap_core.komo.manipulation import Manipulation
@@ -85,7 +86,11 @@ def _check_standing(scene: Scene, state: SceneState, robot: str, q: np.ndarray, 
     there.q[robot] = q
     hit = segments.standing_collision(scene, there, robot)
     if hit is not None:
-        raise InputError(f"'{robot}' is {hit[1] * 1e3:.1f} mm inside at its {what}: {' and '.join(hit[0])}", code)
+        raise InputError(
+            f"'{robot}' is {hit[1] * 1e3:.2f} mm inside at its {what}: {' and '.join(hit[0])}; "
+            f"at most {OVERLAP_ALLOWED * 1e3:g} mm is allowed",
+            code,
+        )
 
 
 def _checked_pose(pose: np.ndarray | None) -> np.ndarray:

@@ -5,6 +5,7 @@ import numpy as np
 from hmap_core.collision.convex import ConvexSet, set_distance
 from hmap_core.exceptions import Code, ContactError, InputError, WaypointError
 from hmap_core.kinematics.arm import load_arm
+from hmap_core.komo.allowances import OVERLAP_ALLOWED
 from hmap_core.komo.shapes import body_set
 from hmap_core.komo.surroundings import robot_set
 from hmap_core.planner.attainable_goal import TOUCHING, attainable_goal
@@ -40,7 +41,8 @@ def check_robots(scene: Scene, state: SceneState, object: str) -> None:
         hit = standing_collision(scene, state, name, object)
         if hit is not None:
             raise InputError(
-                f"robot '{name}' starts {hit[1] * 1e3:.1f} mm inside: {' and '.join(hit[0])} overlap",
+                f"robot '{name}' starts {hit[1] * 1e3:.2f} mm inside: {' and '.join(hit[0])} overlap; "
+                f"at most {OVERLAP_ALLOWED * 1e3:g} mm is allowed",
                 Code.START_IN_COLLISION,
             )
 
