@@ -13,6 +13,7 @@ from hmap_core.kinematics import load_arm
 from hmap_core.robot_description import Severity, load_robot_description
 from hmap_core.scenes import load_robot_model
 from hmap_core.scenes.robots import robot_findings
+from hmap_core.validation import urdf as judge
 
 ARM = [joint("shoulder", "base", "upper")]
 
@@ -249,6 +250,15 @@ def test_models_of_one_urdf_have_their_own_limits(tmp_path):
     first = load_arm(load_robot_model(str(write_robot(tmp_path, robot(), upper=1.0))))
     second = load_arm(load_robot_model(str(write_robot(tmp_path, robot(), upper=0.5))))
     assert (first.model.position_limits[1] == 1.0).all() and (second.model.position_limits[1] == 0.5).all()
+
+
+def test_an_arm_is_that_of_its_file_as_it_is_now(tmp_path):
+    before = load_arm(load_robot_model(str(write_robot(tmp_path, robot()))))
+    write(tmp_path, robot().replace('"0 0 0.3"', '"0 0 0.4"'))
+    os.utime(tmp_path / "arm.urdf", ns=(1, 1))
+    after = load_arm(load_robot_model(str(tmp_path / "arm.yaml")))
+    assert [np.linalg.norm(arm.p_joint[1]) for arm in (before, after)] == pytest.approx([0.3, 0.4])
+    assert judge.load(str(tmp_path / "arm.urdf")).joints[1].origin_p[2] == 0.4
 
 
 MIMIC = '<mimic joint="shoulder" multiplier="-1"/>'

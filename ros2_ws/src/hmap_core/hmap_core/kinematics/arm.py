@@ -16,7 +16,7 @@ from hmap_core.kinematics.fingers import Linkage, LinkageStep, SlidingFinger, cl
 from hmap_core.kinematics.simplify import simplify_hull
 from hmap_core.kinematics.tree import forward, forward_last
 from hmap_core.kinematics.urdf import Urdf, load_urdf
-from hmap_core.robot_description import MOVING, Joint
+from hmap_core.robot_description import MOVING, Joint, load_robot_description
 from hmap_core.transforms import apply, from_matrix, multiply, quaternions, to_matrix
 from hmap_core.types import AttachedBody, Gripper, RobotModel
 
@@ -468,7 +468,13 @@ def load_arm(model: RobotModel) -> Arm:
         InputError: INVALID_SCENE; the URDF cannot be read or does not match the model.
     """
     gripper, body = model.gripper, model.attached
-    key: tuple = (model.name, model.urdf, model.joint_names, model.ignored_collisions, model.end_effector_link)
+    key: tuple = (
+        load_robot_description(model.urdf),
+        model.name,
+        model.joint_names,
+        model.ignored_collisions,
+        model.end_effector_link,
+    )
     key += (model.T_link_ee.tobytes(), gripper, model.position_limits.tobytes(), model.velocity_limits.tobytes())
     key += (model.acceleration_limits.tobytes(), model.home.tobytes())
     if key not in _ARMS:

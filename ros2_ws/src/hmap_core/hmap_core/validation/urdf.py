@@ -265,7 +265,6 @@ def _parsed(data: bytes) -> Element:
     return builder.close()
 
 
-@lru_cache(maxsize=16)
 def load(uri: str) -> Urdf:
     """Reads a robot.
 
@@ -279,6 +278,12 @@ def load(uri: str) -> Urdf:
         InputError: INVALID_PLAN_FILE; the file does not exist or is no URDF with a single tree.
     """
     path = locate(uri)
+    state = path.stat()
+    return _load(path, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=16)
+def _load(path: Path, _changed: int, _size: int) -> Urdf:
     try:
         robot = _element(path)
         joints = [_joint(element) for element in robot.findall("joint")]
