@@ -66,6 +66,15 @@ def test_a_goal_beside_a_wall_is_moved_out_of_it(scene):
     assert transforms.distance(goal.pose, off.goal.pose)[0] < TOLERANCE
 
 
+def test_in_a_kinematic_task_a_goal_only_has_to_be_free(tmp_path):
+    kinematic = carry(tmp_path, mode="kinematic")
+    above = with_goal(kinematic, (*GOAL[:2], GOAL[2] + 0.1))
+    assert moved(above)[0] is above.goal
+    goal, notes = moved(with_goal(kinematic, (*GOAL[:2], GOAL[2] - 0.003)))
+    np.testing.assert_allclose(goal.pose[:3], GOAL, atol=1e-9)
+    assert len(notes) == 1
+
+
 def test_a_ball_is_put_onto_its_support_too(scene):
     ball = replace(scene.bodies["brick"], shapes=(Shape(ShapeKind.SPHERE, (0.03,)),))
     off = replace(with_goal(scene, (0.5, 0.15, 0.033)), bodies=scene.bodies | {"brick": ball})

@@ -27,7 +27,7 @@ LEVEL = 1e-9  # rad of tilt that is none
 
 
 def attainable_goal(scene: Scene, state: SceneState, goal: Goal) -> tuple[Goal, tuple[str, ...]]:
-    """The goal, at the nearest pose within its tolerance at which the object stands free.
+    """The goal, at the nearest pose within its tolerance at which the object is free, and stands in a physical task.
 
     Args:
         scene: with the object.
@@ -36,23 +36,21 @@ def attainable_goal(scene: Scene, state: SceneState, goal: Goal) -> tuple[Goal, 
 
     Returns:
         The goal, with the tolerance that is left, and a note where its pose was changed. It stays as it is where the
-        object can be there, where its tolerance allows no better pose, and in a kinematic task.
+        object can be there, and where its tolerance allows no better pose.
     """
-    if scene.mode == TaskMode.KINEMATIC:
-        return goal, ()
     around = [body for body in placed_bodies(scene, state, goal.object) if body.name not in scene.removable]
     places = _Places(scene.bodies[goal.object], around)
-    free = places.free(goal.pose)
-    if free and places.stands(goal.pose):
+    free, physical = places.free(goal.pose), scene.mode == TaskMode.PHYSICAL
+    if free and (not physical or places.stands(goal.pose)):
         return goal, ()
-    found = places.level(goal) if free and places.touches(goal.pose) else places.nearest(goal)
+    found = places.level(goal) if free and places.touches(goal.pose) else places.nearest(goal, physical)
     if found is None:
         return goal, ()
     moved, turned = distance(goal.pose, found)
     left = goal.position_tolerance - moved, goal.rotation_tolerance - turned
     x, y, z = 1e3 * (found[:3] - goal.pose[:3])
     note = (
-        f"goal of '{goal.object}': it cannot stand just there; planned for a pose within its tolerance, "
+        f"goal of '{goal.object}': it cannot be just there; planned for a pose within its tolerance, "
         f"({x:.1f}, {y:.1f}, {z:.1f}) mm and {np.degrees(turned):.1f} deg away"
     )
     return replace(goal, pose=found, position_tolerance=left[0], rotation_tolerance=left[1]), (note,)
@@ -79,8 +77,8 @@ class _Places:
         """Whether the body at T (7,) stands by itself."""
         return bool(stable_poses(self._body, np.array([T + LIFT, T]), self._around)[1])
 
-    def nearest(self, goal: Goal) -> np.ndarray | None:
-        """The nearest pose (7,) within the tolerance of a goal at which the body is free and stands.
+    def nearest(self, goal: Goal, standing: bool) -> np.ndarray | None:
+        """The nearest pose (7,) within the tolerance of a goal at which the body is free, and stands if asked for.
 
         Where it stands nowhere as far as that is understood, as a ball does not, one at which it touches something.
         """
@@ -89,6 +87,8 @@ class _Places:
         turned = [goal.pose[3:], *self._level(goal)]
         free = [T for quaternion in turned for T in self._on_supports(goal, quaternion, aside) if self.free(T)]
         free.sort(key=lambda T: distance(goal.pose, T))
+        if not standing:
+            return free[0] if free else None
         first = next((T for T in free if self.stands(T)), None)
         return next((T for T in free if self.touches(T)), None) if first is None else first
 
