@@ -72,7 +72,7 @@ def perception(ros):
 
 
 def joints_of(perception) -> list[str]:
-    return list(perception._fusion._joints)
+    return list(perception._watched.fusion._joints)
 
 
 def joint_state(names, stamp: float, velocity: float = 0.0) -> JointState:
@@ -93,14 +93,16 @@ def test_nan_in_one_velocity_blocks_nothing_and_is_named_once(perception):
     now = time.time()
     for _ in range(20):
         take(joint_state(joints_of(perception), now, float("nan")))
-    perception._take_pose("bar", pose_of(now))
+    perception._take_pose(perception._watched.fusion, "bar", pose_of(now))
     perception._publish_state()
     assert perception._status[1] == "measuring"
     assert len(perception.warned) == 1 and "velocity of joint" in perception.warned[0]
 
 
 def test_each_cause_is_named_once_and_again_when_it_comes_back(perception):
-    take = perception.guarded(lambda message: perception._take_pose("bar", message), "vicon/bar/bar")
+    take = perception.guarded(
+        lambda message: perception._take_pose(perception._watched.fusion, "bar", message), "vicon/bar/bar"
+    )
     now = time.time()
     for i in range(20):
         take(pose_of(now + 3600.0 + 0.1 * i))
@@ -119,7 +121,7 @@ def test_pose_of_an_hour_ahead_does_not_count(perception):
     now = time.time()
     perception._take_joints(joint_state(joints_of(perception), now))
     with pytest.raises(ConversionError, match="'bar' is stamped 36.* s ahead"):
-        perception._take_pose("bar", pose_of(now + 3600.0))
+        perception._take_pose(perception._watched.fusion, "bar", pose_of(now + 3600.0))
     perception._publish_state()
     assert perception._status[1] == "not measured yet: bar"
     with pytest.raises(InputError, match="body 'bar', is stamped 36.* s ahead"):
@@ -128,7 +130,7 @@ def test_pose_of_an_hour_ahead_does_not_count(perception):
 
 def test_driver_that_sets_no_stamps_is_told_so(perception):
     perception._take_joints(joint_state(joints_of(perception), 0.0))
-    perception._take_pose("bar", pose_of(time.time()))
+    perception._take_pose(perception._watched.fusion, "bar", pose_of(time.time()))
     perception._publish_state()
     assert "does its driver set stamps?" in perception._status[1] and "of joint" in perception._status[1]
 
@@ -136,7 +138,7 @@ def test_driver_that_sets_no_stamps_is_told_so(perception):
 @pytest.mark.parametrize("frame", ["map", "", "odom"])
 def test_unknown_frames_are_refused(perception, frame):
     with pytest.raises(ConversionError, match=f"frame {frame!r}; allowed: 'vicon', 'world'"):
-        perception._take_pose("bar", pose_of(time.time(), frame))
+        perception._take_pose(perception._watched.fusion, "bar", pose_of(time.time(), frame))
 
 
 def test_problems_of_now_are_on_the_diagnostics(perception):

@@ -3,13 +3,16 @@
 import math
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import qos_profile_sensor_data
+from rclpy.subscription import Subscription
 from sensor_msgs.msg import CameraInfo, Image, JointState
 
 from hmap.conversions import cloud_to_message, scene_from_message, scene_to_message, state_to_message
@@ -18,6 +21,7 @@ from hmap.node import LATCHED, HmapNode, run
 from hmap.perception.detected_objects import DetectedObjects
 from hmap.perception.fusion import Fusion
 from hmap.perception.pictures import Picture, PictureParts
+from hmap_core.contacts.camera import Cloud
 from hmap_core.contacts.cloud import cloud_from_depth, merge_clouds
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes import load_scene
@@ -37,6 +41,14 @@ CAMERA_TOPICS = {
     "mask": ("instance_mask/image_raw", Image),
     "names": ("instance_mask/names", InstanceNames),
 }
+
+
+@dataclass
+class Watched:
+    """A scene that is seen, and what was measured in it."""
+
+    fusion: Fusion
+    detected: DetectedObjects
 
 
 class Perception(HmapNode):
@@ -59,12 +71,11 @@ class Perception(HmapNode):
         self._state = self.create_publisher(WorldState, "world_state", 10)
         self._clouds = self.create_publisher(ObjectClouds, "object_clouds", LATCHED)
         self._new = self.create_publisher(BodyArray, "new_object", LATCHED)
-        self._fusion: Fusion | None = None
-        self._detected: DetectedObjects | None = None
+        self._watched: Watched | None = None
         self._announced: set[str] = set()  # bodies that `scene` has announced since it was loaded
         self._reported = False  # whether the last message of `new_object` has bodies
-        self._scene_subscriptions: list = []
-        self._seen: dict[str, dict[str, object]] = {}  # object -> camera -> its cloud
+        self._scene_subscriptions: list[Subscription] = []
+        self._seen: dict[str, dict[str, Cloud]] = {}  # object -> camera -> its cloud
         self._clouds_time = -math.inf  # s; of the newest picture in it
         self.subscribe(JointState, "joint_states", self._take_joints)
         if task:
@@ -81,33 +92,34 @@ class Perception(HmapNode):
     # the scene
 
     def _take_scene(self, scene: Scene) -> None:
-        previous = self._fusion.scene if self._fusion else None
+        previous = self._watched
         models = {name: robot.model for name, robot in scene.robots.items()}
         arms = {name: self._naming.arm_joints(name, model) for name, model in models.items()}
         fingers = {name: self._naming.finger_joints(name, model) for name, model in models.items()}
         fusion = Fusion(scene, arms, fingers, self._sensor_clock)
-        changed = previous is not None and _bodies_changed(previous, scene)
-        if changed:
-            fusion.copy_measurements(self._fusion)
-            self._detected.scene = scene
-            self._announced |= scene.bodies.keys() - previous.bodies.keys()
+        if previous is not None and _bodies_changed(previous.fusion.scene, scene):
+            fusion.copy_measurements(previous.fusion)
+            previous.detected.scene = scene
+            self._announced |= scene.bodies.keys() - previous.fusion.scene.bodies.keys()
+            watched = Watched(fusion, previous.detected)
         else:
-            self._detected, self._announced = DetectedObjects(scene), set()
-        self._fusion = fusion
+            watched = Watched(fusion, DetectedObjects(scene))
+            self._announced = set()
+        self._watched = watched
         self._seen, self._clouds_time = {}, -math.inf
         for subscription in self._scene_subscriptions:
             self.destroy_subscription(subscription)
-        self._scene_subscriptions = [self._subscribe_to_body(name) for name in self._fusion.tracked]
+        self._scene_subscriptions = [self._subscribe_to_body(fusion, name) for name in fusion.tracked]
         for camera in scene.cameras.values():
             parts = PictureParts(camera, self._sensor_clock)
             for part, (topic, kind) in CAMERA_TOPICS.items():
                 name = f"{self._naming.camera(camera.name)}/{topic}"
-                self._subscribe_to_camera(kind, name, partial(self._take_picture, parts, part))
-        self._report_new()
+                self._subscribe_to_camera(kind, name, partial(self._take_picture, watched, parts, part))
+        self._report_new(watched)
         self.set_status("waiting for measurements", task=scene.task, seed=scene.seed)
 
-    def _subscribe_to_body(self, name: str):
-        take = partial(self._take_pose, name)
+    def _subscribe_to_body(self, fusion: Fusion, name: str) -> Subscription:
+        take = partial(self._take_pose, fusion, name)
         return self.subscribe(PoseStamped, self._naming.body_pose(name), take, qos_profile_sensor_data)
 
     def _subscribe_to_camera(self, kind: type, name: str, take: Callable) -> None:
@@ -115,7 +127,7 @@ class Perception(HmapNode):
 
         ``world`` keeps its last picture for late subscribers; most drivers keep none.
         """
-        volatile = []
+        volatile: list[Subscription] = []
 
         def subscribe_volatile(_) -> None:
             if not volatile:
@@ -125,10 +137,11 @@ class Perception(HmapNode):
         events = SubscriptionEventCallbacks(incompatible_qos=subscribe_volatile)
         self._scene_subscriptions.append(self.subscribe(kind, name, take, LATCHED, event_callbacks=events))
 
-    def _report_new(self, stamp: Time | None = None) -> None:
+    def _report_new(self, watched: Watched, stamp: Time | None = None) -> None:
         """Publish all new bodies since the scene was loaded: announced on `scene`, or only detected by cameras."""
-        announced = [body for name, body in self._fusion.scene.bodies.items() if name in self._announced]
-        seen = [body for name, body in self._detected.bodies.items() if name not in self._fusion.scene.bodies]
+        known = watched.fusion.scene.bodies
+        announced = [body for name, body in known.items() if name in self._announced]
+        seen = [body for name, body in watched.detected.bodies.items() if name not in known]
         if not announced and not seen and not self._reported:
             return
         self._reported = bool(announced or seen)
@@ -139,42 +152,41 @@ class Perception(HmapNode):
     # the sensors
 
     def _take_joints(self, message: JointState) -> None:
-        if self._fusion is None:
+        if self._watched is None:
             return
         time = seconds_from_message(message.header.stamp)
         try:
-            problems = self._fusion.add_joints(time, message.name, message.position, message.velocity)
+            problems = self._watched.fusion.add_joints(time, message.name, message.position, message.velocity)
         except (InputError, ConversionError) as error:
             problems = [str(error)]
         # several drivers may publish on the topic, each the states of its own joints
         self.problems.update(("joint_states", *message.name), problems, "joint_states")
 
-    def _take_pose(self, name: str, message: PoseStamped) -> None:
+    def _take_pose(self, fusion: Fusion, name: str, message: PoseStamped) -> None:
         frame(f"the pose of {name!r}", message.header.frame_id, self._frames)
         pose = pose_from_message(message.pose, f"the pose of {name!r}")
-        self._fusion.add_pose(seconds_from_message(message.header.stamp), name, pose)
+        fusion.add_pose(seconds_from_message(message.header.stamp), name, pose)
 
-    def _take_picture(self, parts: PictureParts, part: str, message) -> list[str]:
+    def _take_picture(self, watched: Watched, parts: PictureParts, part: str, message: Any) -> list[str]:
         picture = parts.add(part, message)
         if picture is None:
             return []
-        forgotten = self._follow_clock()
-        if self._detected.update(picture) or forgotten:
-            self._report_new(time_to_message(picture.time))
-        self._update_clouds(picture)
+        forgotten = self._follow_clock(watched)
+        if watched.detected.update(picture) or forgotten:
+            self._report_new(watched, time_to_message(picture.time))
+        self._update_clouds(watched.fusion, picture)
         return list(picture.problems)
 
-    def _follow_clock(self) -> bool:
+    def _follow_clock(self, watched: Watched) -> bool:
         """Forget what the cameras saw before the clock jumped back; whether it did."""
         if self._restarts == self._sensor_clock.restarts:
             return False
         self._restarts = self._sensor_clock.restarts
         self._seen, self._clouds_time = {}, -math.inf
-        self._detected = DetectedObjects(self._detected.scene)
+        watched.detected = DetectedObjects(watched.detected.scene)
         return True
 
-    def _update_clouds(self, picture: Picture) -> None:
-        fusion = self._fusion
+    def _update_clouds(self, fusion: Fusion, picture: Picture) -> None:
         for name, number in picture.names.items():
             body = fusion.scene.bodies.get(name)
             pose = fusion.pose_at(name, picture.time)
@@ -190,18 +202,18 @@ class Perception(HmapNode):
         message.header.stamp, message.header.frame_id = stamp, FRAME
         for name, seen in self._seen.items():
             cloud = merge_clouds([cloud for cloud in seen.values() if len(cloud)])
-            if len(cloud):
-                pose = fusion.pose_at(name, time)
+            pose = fusion.pose_at(name, time)
+            if len(cloud) and pose is not None:
                 message.clouds.append(cloud_to_message(name, pose, cloud, stamp))
         self._clouds.publish(message)
 
     # the state
 
     def _publish_state(self) -> None:
-        if self._fusion is None:
+        if self._watched is None:
             self.set_status("waiting for a scene", DiagnosticStatus.WARN)
             return
-        fusion = self._fusion
+        fusion = self._watched.fusion
         try:
             time, state, velocity = fusion.state()
             self._check_age(time, fusion.oldest()[1])

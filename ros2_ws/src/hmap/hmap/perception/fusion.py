@@ -52,9 +52,10 @@ class Fusion:
     def copy_measurements(self, previous: "Fusion") -> None:
         """Copy the measurements of the robots and bodies that both scenes have."""
         with previous._lock, self._lock:
-            for mine, others in ((self._joints, previous._joints), (self._poses, previous._poses)):
-                for name in mine.keys() & others.keys():
-                    mine[name].copy_from(others[name])
+            for joint in self._joints.keys() & previous._joints.keys():
+                self._joints[joint].copy_from(previous._joints[joint])
+            for body in self._poses.keys() & previous._poses.keys():
+                self._poses[body].copy_from(previous._poses[body])
 
     def add_joints(
         self, time: float, names: Sequence[str], positions: Sequence[float], velocities: Sequence[float] = ()
@@ -131,12 +132,12 @@ class Fusion:
         missing = [name for measured in (joints, tracked) for name, entry in measured.items() if entry is None]
         if missing:
             raise InputError(f"not measured yet: {', '.join(missing)}", Code.STALE_STATE)
-        times = [(entry[0], f"joint {name!r}") for name, entry in joints.items()]
-        times += [(entry[0], f"body {name!r}") for name, entry in tracked.items()]
+        times = [(entry[0], f"joint {name!r}") for name, entry in joints.items() if entry is not None]
+        times += [(entry[0], f"body {name!r}") for name, entry in tracked.items() if entry is not None]
         time, name = min(times, default=(0.0, "nothing"))
         placed = {name: body.pose for name, body in self.scene.bodies.items()}
-        placed |= {name: entry[1] for name, entry in tracked.items()}
-        values = {name: entry[1] for name, entry in joints.items()}
+        placed |= {name: entry[1] for name, entry in tracked.items() if entry is not None}
+        values = {name: entry[1] for name, entry in joints.items() if entry is not None}
         q = {robot: _column(values, names, 0) for robot, names in self._arm_joints.items()}
         qd = {robot: _column(values, names, 1) for robot, names in self._arm_joints.items()}
         gripper = {robot: self._opening(robot, values) for robot in self._arm_joints}
@@ -146,7 +147,8 @@ class Fusion:
         names = self._finger_joints[robot]
         if not names:
             return 0.0
-        return self.scene.robots[robot].model.gripper.opening_at(_column(values, names, 0))
+        gripper = self.scene.robots[robot].model.gripper
+        return 0.0 if gripper is None else gripper.opening_at(_column(values, names, 0).tolist())
 
 
 def _column(values: Mapping[str, tuple[float, float]], names: Sequence[str], k: int) -> np.ndarray:

@@ -56,7 +56,7 @@ def _run(trial: Trial) -> TrialResult:
     try:
         plan = planner.plan(scene, seed=trial.seed, time_limit=trial.time_limit)
     except HmapError as error:
-        spent = {"planning_s": time.perf_counter() - wall, "cpu_s": time.process_time() - cpu}
+        spent: dict[str, Any] = {"planning_s": time.perf_counter() - wall, "cpu_s": time.process_time() - cpu}
         return TrialResult(trial.seed, reason=str(error), code=error.code.name, **spent)
     planned = _planned(trial, plan, time.process_time() - cpu)
     report = check(json.loads(json.dumps(to_dict(plan))))  # as read from a file

@@ -193,7 +193,8 @@ class Arm:
 
         Siciliano et al., "Robotics: Modelling, Planning and Control", 2009, section 3.1.
         """
-        samples = np.random.default_rng(0).uniform(*self.model.position_limits, (MOBILITY_SAMPLES, self.n))
+        lower, upper = self.model.position_limits
+        samples = np.random.default_rng(0).uniform(lower, upper, (MOBILITY_SAMPLES, self.n))
         return max(int(np.linalg.matrix_rank(self._jacobian(q), rtol=RANK_TOLERANCE)) for q in samples)
 
     def _jacobian(self, q: np.ndarray) -> np.ndarray:

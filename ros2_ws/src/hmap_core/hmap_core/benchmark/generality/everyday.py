@@ -1,12 +1,13 @@
 """Families of tasks that anybody who programs a Panda has written: pick and place among other things, and pushes."""
 
 import math
+from typing import Any
 
 from hmap_core.benchmark.generality.cell import ORANGE, Cell, Point, Sampler
 from hmap_core.benchmark.generality.family import solvable
 
 HAND_ROOM = 0.13  # m between the middles of a small object and a neighbour that is not higher, for the fingers
-TOLERANT = {"tolerance": 0.01, "degrees": 5.0}  # of goals that are reached by pushes
+TOLERANT: dict[str, Any] = {"tolerance": 0.01, "degrees": 5.0}  # of goals that are reached by pushes
 
 
 def clutter(cell: Cell, draw: Sampler, taken: list[tuple[Point, float]], count: int, height: float) -> None:
@@ -136,7 +137,7 @@ def bin_picking(cell: Cell, draw: Sampler) -> None:
         name = "block" if k == 0 else f"other_{k}"
         size = (draw.uniform(0.03, 0.042), draw.uniform(0.03, 0.042), draw.uniform(0.08, 0.1))
         spot = (x + draw.uniform(-0.004, 0.004), y + draw.uniform(-0.004, 0.004))
-        color = {"color": ORANGE} if k == 0 else {}
+        color: dict[str, Any] = {"color": ORANGE} if k == 0 else {}
         cell.block(name, size, spot, yaw=draw.angle(-15, 15), mass=0.15, **color)
         if k == 0:
             tall = size[2]

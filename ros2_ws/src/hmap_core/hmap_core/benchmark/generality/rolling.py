@@ -1,6 +1,7 @@
 """Families of tasks with bodies that roll: they rest in rings and cradles, or stand on an end."""
 
 import math
+from typing import Any
 
 from hmap_core.benchmark.generality.cell import ORANGE, Cell, Point, Sampler
 from hmap_core.benchmark.generality.everyday import two_spots
@@ -18,7 +19,7 @@ def ball_into_ring(cell: Cell, draw: Sampler) -> None:
     cell.box("pedestal", (0.12, 0.12, height), goal)
     cell.add_object("ring_1", "tray", (*start, 0.0), values=ring)
     cell.add_object("ring_2", "tray", (*goal, height), values=ring)
-    ball = {"movable": True, "mass": draw.uniform(0.05, 0.15), "friction": 0.7, "color": ORANGE}
+    ball: dict[str, Any] = {"movable": True, "mass": draw.uniform(0.05, 0.15), "friction": 0.7, "color": ORANGE}
     cell.add_sphere("ball", radius, (*start, radius), **ball)
     cell.goal("ball", goal, height + radius, degrees=ANY_TURN)
 

@@ -1,10 +1,12 @@
 """Families of tasks with flat bodies, and with contacts of the object and walls, neighbours, or holes."""
 
+from typing import Any
+
 from hmap_core.benchmark.generality.cell import ORANGE, Cell, Sampler
 from hmap_core.benchmark.generality.everyday import TOLERANT, two_spots
 from hmap_core.benchmark.generality.family import solvable
 
-ROUND = {"tolerance": 0.01, "degrees": 180.0}  # of the goals of discs
+ROUND: dict[str, Any] = {"tolerance": 0.01, "degrees": 180.0}  # of the goals of discs
 
 
 def disc_on_table(cell: Cell, draw: Sampler) -> None:

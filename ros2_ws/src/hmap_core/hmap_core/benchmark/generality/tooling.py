@@ -1,5 +1,7 @@
 """Families of tasks that need a tool, because no hand fits where the object is."""
 
+from typing import Any
+
 from hmap_core.benchmark.generality.cell import ORANGE, Cell, Sampler
 from hmap_core.benchmark.generality.family import solvable
 
@@ -26,10 +28,10 @@ def rake_under_shelf(cell: Cell, draw: Sampler) -> None:
         {"shape": "box", "size": [THICK, bar, THICK], "pose": {"xyz": [shaft, 0.0, 0.0]}},
         {"shape": "box", "size": [THICK, THICK, 0.1], "pose": {"xyz": [0.0, 0.0, THICK / 2 + 0.05]}},
     ]
-    at = {"xyz": [draw.uniform(0.3, 0.36), side * draw.uniform(0.28, 0.34), THICK / 2]}
-    at["rpy_deg"] = [0.0, 0.0, side * draw.angle(0, 30)]
+    pose: dict[str, Any] = {"xyz": [draw.uniform(0.3, 0.36), side * draw.uniform(0.28, 0.34), THICK / 2]}
+    pose["rpy_deg"] = [0.0, 0.0, side * draw.angle(0, 30)]
     handle = [[[-grip, -grip, THICK / 2 + 0.01], [grip, grip, THICK / 2 + 0.101]]]
-    cell.add_body("rake", parts, at, tool=True, mass=0.12, friction=1.0, graspable=handle, color=GREEN)
+    cell.add_body("rake", parts, pose, tool=True, mass=0.12, friction=1.0, graspable=handle, color=GREEN)
     cell.goal("block", goal, width / 2, tolerance=0.01, degrees=5.0)
 
 
@@ -67,7 +69,7 @@ def stick_into_tunnel(cell: Cell, draw: Sampler) -> None:
     cell.add_object("tunnel", "tunnel", {"xyz": [x, y, 0.0], "rpy_deg": [0.0, 0.0, 90.0]}, values=values)
     stick, long = draw.uniform(0.03, width), draw.uniform(0.3, 0.36)
     at = (draw.uniform(0.3, 0.36), -side * draw.uniform(0.25, 0.35))
-    options = {"tool": True, "movable": False, "mass": 0.15, "friction": 0.9, "color": GREEN}
+    options: dict[str, Any] = {"tool": True, "movable": False, "mass": 0.15, "friction": 0.9, "color": GREEN}
     cell.block("stick", (stick, long, stick), at, yaw=draw.angle(-20, 20), **options)
     start = (x, y - side * draw.uniform(0.0, 0.03))
     goal = (x, y + side * (length / 2 + width / 2 + draw.uniform(0.01, 0.03)))
