@@ -214,6 +214,21 @@ def test_the_judge_refuses_what_is_no_tree_without_running_on(folder):
             judge.load(str(file))
 
 
+def test_names_and_numbers_may_have_spaces_and_tags_prefixes(folder):
+    """Tags with a prefix that is not declared are no XML with namespaces, and common; PyBullet reads them."""
+    text = (
+        '\n<?xml version="1.0"?>\n<robot name="r"><link name=" a "/><link name="b"/><sensor:camera name="c"/>'
+        '<joint name="j " type=" revolute "><parent link="a"/><child link=" b"/><axis xyz="  0 0   2 "/>'
+        '<limit lower=" -1" upper="+1." velocity="1e0" effort="1"/></joint></robot>'
+    )
+    file = write(folder, text, "spaces.urdf")
+    ours, theirs = load_robot_description(file).require_valid(), judge.load(str(file))
+    assert tuple(ours.links) == theirs.links == ("a", "b")
+    (joint,) = theirs.joints
+    assert (joint.name, joint.kind, joint.lower, joint.upper) == ("j", "revolute", -1.0, 1.0)
+    assert tuple(ours.joints) == ("j",) and load_robot_description(cleaned_urdf(ours)).findings == ()
+
+
 def test_shapes_are_placed_alike(folder):
     """Of a mesh with a scale that mirrors it, in a frame that is turned."""
     mesh = '<mesh filename="package://robot_package/meshes/plain.stl" scale="-1 1 1"/>'

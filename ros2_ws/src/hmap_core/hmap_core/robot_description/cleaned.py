@@ -7,6 +7,7 @@ effort; joints that do not move are fixed. The files are kept in the user's cach
 import hashlib
 import os
 import tempfile
+import threading
 from collections.abc import Collection
 from functools import cache
 from pathlib import Path
@@ -43,6 +44,9 @@ def cleaned_urdf(description: RobotDescription, fixed: Collection[str] = ()) -> 
 
     Returns:
         The path of the file.
+
+    Raises:
+        InputError: the cache cannot be written.
     """
     robot = Element("robot", name=description.name or "robot")
     originals = {} if description.element is None else _by_name(description.element)
@@ -127,6 +131,7 @@ def hull_file(shape: Shape) -> Path:
 
     Raises:
         ValueError: the shape is no mesh.
+        InputError: the cache cannot be written.
     """
     if shape.mesh is None:
         raise ValueError(f"a {shape.kind} has no mesh file")
@@ -183,9 +188,12 @@ def _kept(content: bytes, suffix: str) -> Path:
     """A file in the cache with this content."""
     path = _folder() / f"{hashlib.sha256(content).hexdigest()[:24]}{suffix}"
     if not path.is_file():
-        draft = path.with_suffix(f".{os.getpid()}")
-        draft.write_bytes(content)
-        os.replace(draft, path)  # at once, so that another process never sees half of it
+        draft = path.with_suffix(f".{os.getpid()}.{threading.get_ident()}")
+        try:
+            draft.write_bytes(content)
+            os.replace(draft, path)  # at once, so that another process never sees half of it
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written: {error.strerror}") from error
     return path
 
 

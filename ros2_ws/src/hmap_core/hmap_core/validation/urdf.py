@@ -111,7 +111,7 @@ def _attribute(element: Element, key: str) -> str:
     value = element.get(key)
     if value is None:
         raise ValueError(f"a <{element.tag}> has no attribute '{key}'")
-    return value
+    return value.strip()
 
 
 def _child(element: Element, tag: str) -> Element:
