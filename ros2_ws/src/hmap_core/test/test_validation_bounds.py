@@ -5,7 +5,7 @@ import pytest
 import validation_fixtures as plans
 from scipy.spatial.transform import Rotation
 
-from hmap_core.validation import collision, contacts, document, judge, limits, rigid
+from hmap_core.validation import collision, contacts, document, judge, limits, rigid, support
 from hmap_core.validation.bounds import Bounds, PartBoxes
 from hmap_core.validation.pairs import PairBuilder
 from hmap_core.validation.report import Findings
@@ -149,3 +149,17 @@ def test_the_clearance_is_that_of_the_nearest_pair_however_far_that_is(urdf, nea
     after = judge.check(plan)
     assert after.valid == before.valid and after.violations == before.violations
     assert after.min_clearance_m == pytest.approx(before.min_clearance_m)
+
+
+def test_a_support_is_found_among_the_nearest_pairs_as_among_all(world, monkeypatch):
+    bodies = [name for name, body in world.document.bodies.items() if not body.fixed]
+    places = [(name, k) for name in bodies for k in range(0, world.samples, 7)]
+    found = [support.SupportFinder(world).at(name, k, released=True) for name, k in places]
+
+    def every(finder, name, k):
+        others = [part for part in world.parts if part.link is None and part.holder != name]
+        return [(part, other) for part in world.parts_of(name) for other in others]
+
+    monkeypatch.setattr(support.SupportFinder, "_nearest_pairs", every)
+    assert found == [support.SupportFinder(world).at(name, k, released=True) for name, k in places]
+    assert any(one.bodies for one in found)

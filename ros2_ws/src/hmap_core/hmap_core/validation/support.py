@@ -22,6 +22,7 @@ from hmap_core.validation.world import Part, World
 MIN_RADIUS = 1e-7  # m, inscribed radius below which an overlap counts as empty
 SAMPLED_DEPTH = 1e-4  # m, depth inside an overlap that a sampled interior point must have
 CENTER_FRACTIONS = np.geomspace(1e-4, 1.0, 40)  # sampled fractions of the line to the centre
+NEARBY = 2.0 * limits.ROLL_ROOM  # m; parts that are farther apart cannot matter for how a body rests
 UPRIGHT = 0.99  # cosine between the axis of a cylinder that stands on its end and the vertical
 DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -147,23 +148,50 @@ class SupportFinder:
         """The support of a body at sample k; one that was ``released`` there must not roll away either."""
         carriers, patches, gap = set(), [], np.inf
         near, rolls = [], False
-        for part in self._world.parts_of(name):
-            for other in self._bodies:
-                if other.holder != name:
-                    distance, patch = self._cached_contact(part, other, k)
-                    gap = min(gap, distance)
-                    if distance <= 2.0 * limits.ROLL_ROOM:
-                        near.append(other)
-                    if patch is not None:
-                        carriers.add(other.holder)
-                        patches.append(patch[:, :2])
-                        rolls |= self._round(part, k)
+        for part, other in self._nearest_pairs(name, k):
+            distance, patch = self._cached_contact(part, other, k)
+            gap = min(gap, distance)
+            if distance <= NEARBY:
+                near.append(other)
+            if patch is not None:
+                carriers.add(other.holder)
+                patches.append(patch[:, :2])
+                rolls |= self._round(part, k)
         center = center_of_mass(self._world, name, k)
         inside = _inside(np.vstack(patches), center[:2]) if patches else -np.inf
         support = Support(frozenset(carriers), gap, inside)
         if gap <= limits.SUPPORT_GAP and (not support.stable or (released and rolls)):
             support = replace(support, stays=rest.stays(self._world, name, list(dict.fromkeys(near)), center, k))
         return support
+
+    def _nearest_pairs(self, name: str, k: int) -> list[tuple[Part, Part]]:
+        """The parts of a body with those of other bodies: all that are nearer than NEARBY, and the nearest one.
+
+        Distances of bounding boxes tell which can be left out.
+        """
+        parts = self._world.parts_of(name)
+        others = [part for part in self._bodies if part.holder != name]
+        if not parts or not others:
+            return []
+        (low_a, high_a), (low_b, high_b) = self._boxes(parts, k), self._boxes(others, k)
+        apart = np.maximum(np.maximum(low_a[:, None] - high_b, low_b - high_a[:, None]), 0.0)
+        bounds = np.sqrt((apart * apart).sum(axis=-1)).ravel()
+        order = np.argsort(bounds, kind="stable")
+        best, count = np.inf, 0
+        for i in order.tolist():
+            if bounds[i] > max(best, NEARBY):
+                break
+            part, other = parts[i // len(others)], others[i % len(others)]
+            best, count = min(best, self._cached_contact(part, other, k)[0]), count + 1
+        return [(parts[i // len(others)], others[i % len(others)]) for i in np.sort(order[:count]).tolist()]
+
+    def _boxes(self, parts: list[Part], k: int) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper corners (n, 3) of boxes round parts at sample k, world axes."""
+        tracks = [self._world.tracks[part] for part in parts]
+        R, p = np.array([track.R[k] for track in tracks]), np.array([track.p[k] for track in tracks])
+        center = p + np.einsum("nij,nj->ni", R, [part.solid.center for part in parts])
+        half = np.einsum("nij,nj->ni", np.abs(R), [part.solid.half for part in parts])
+        return center - half, center + half
 
     def _round(self, part: Part, k: int) -> bool:
         """Whether a part lies on a round side."""
