@@ -8,7 +8,7 @@ from geometry_fixtures import TABLE, box, yaw
 
 from hmap_core.contacts.friction import in_cone, needed_wrench
 from hmap_core.contacts.push import SlidingBody
-from hmap_core.contacts.push_path import PushPlanner, final_pushes, sides
+from hmap_core.contacts.push_path import PushPlanner, final_pushes, first_pushes, sides
 from hmap_core.transforms import distance, interpolate, pose
 from hmap_core.types import BodyKind, Shape, ShapeKind
 from hmap_core.waypoints import ObjectPathProblem, plan_waypoints
@@ -122,3 +122,12 @@ def test_ways_in_end_at_the_goal_and_come_from_all_sides():
         assert np.linalg.norm(way[0, :2] - way[-1, :2]) == pytest.approx(0.03)
         assert_can_be_pushed(way)
     assert len({np.round(way[0, :2], 6).tobytes() for way in ways}) == 4
+
+
+def test_ways_out_begin_at_the_start_and_lead_to_all_sides():
+    ways = first_pushes(CRATE, at(0.1, 0.2, 30), 4)
+    assert len(ways) == 4
+    for way in ways:
+        np.testing.assert_allclose(way[0], at(0.1, 0.2, 30))
+        assert np.linalg.norm(way[0, :2] - way[-1, :2]) == pytest.approx(0.03)
+        assert_can_be_pushed(way)

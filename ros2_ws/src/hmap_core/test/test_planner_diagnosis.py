@@ -2,12 +2,17 @@
 
 import re
 
+import numpy as np
 import pytest
 from simulation_fixtures import box, scene
 
-from hmap_core.planner.diagnosis import why_no_contact
+from hmap_core import planner
+from hmap_core.contacts.grip_width import grip_problem, narrowest
+from hmap_core.exceptions import Code, HmapError
+from hmap_core.planner.diagnosis import hand_fits, why_no_contact, why_not_moved
+from hmap_core.planner.preconditions import check_grip
 from hmap_core.transforms import pose
-from hmap_core.types import BodyKind, Goal
+from hmap_core.types import Body, BodyKind, Goal, Shape, ShapeKind
 
 HERE = pose((0.5, 0.0, 0.02))
 
@@ -49,3 +54,90 @@ def test_the_same_seed_gives_the_same_words(seed):
     made = scene(box("brick", (0.04, 0.04, 0.04), HERE[:3]), goal=Goal("brick", HERE))
     first, second = (why_no_contact(made, made.start_state(), "brick", HERE, seed) for _ in range(2))
     assert first == second
+
+
+WIDE = (0.09, 0.09, 0.09)  # m, wider than a Panda's gripper opens
+
+
+def niche(*sides: str) -> list[Body]:
+    """Walls around a cube of WIDE at (0.5, 0), 3 mm off it, and the table."""
+    walls = {
+        "wall_back": box("wall_back", (0.02, 0.13, 0.1), (0.558, 0.0, 0.05), BodyKind.FIXED),
+        "wall_left": box("wall_left", (0.1, 0.02, 0.1), (0.5, 0.058, 0.05), BodyKind.FIXED),
+        "wall_right": box("wall_right", (0.1, 0.02, 0.1), (0.5, -0.058, 0.05), BodyKind.FIXED),
+    }
+    return [walls[f"wall_{side}"] for side in sides]
+
+
+def in_niche(*sides: str, size=WIDE):
+    cube, goal = box("cube", size, (0.5, 0.0, size[2] / 2)), Goal("cube", pose((0.38, 0.0, size[2] / 2)))
+    return scene(cube, *niche(*sides), goal=goal)
+
+
+def test_what_is_too_wide_and_enclosed_is_told_with_numbers_and_names():
+    made = in_niche("back", "left", "right")
+    text = why_not_moved(made, made.start_state(), "cube")
+    assert "'cube'" in text and "90 mm" in text and "opens 78 mm" in text
+    assert text.endswith("'wall_back' and 'wall_left' and 'wall_right'")
+    for walls in (("back",), ("left", "right")):  # along the wall, and out between two of them
+        made = in_niche(*walls)
+        assert "pushed away" not in why_not_moved(made, made.start_state(), "cube")
+
+
+def test_an_object_that_no_hand_can_move_from_its_start_is_refused_in_the_first_round():
+    with pytest.raises(HmapError) as error:
+        planner.plan(in_niche("back", "left", "right"), seed=0, time_limit=60.0)
+    assert error.value.code == Code.NO_CONTACT
+    assert "from its start" in error.value.reason and "opens 78 mm" in error.value.reason
+    rounds = [attempt["what"] for attempt in error.value.search["tried"]]
+    assert [what for what in rounds if what.startswith("round")] == rounds[:1]
+
+
+def test_the_hand_fits_on_what_stands_free_only():
+    narrow = in_niche("back", "left", "right", size=(0.04, 0.04, 0.13))
+    assert hand_fits(narrow, narrow.start_state(), "cube")
+    beside_wall = in_niche("back")  # it can be pushed along the wall
+    assert hand_fits(beside_wall, beside_wall.start_state(), "cube")
+    enclosed = in_niche("back", "left", "right")
+    assert not hand_fits(enclosed, enclosed.start_state(), "cube")
+
+
+@pytest.mark.parametrize(
+    "kind, size, width",
+    [
+        (ShapeKind.BOX, (0.2, 0.05, 0.3), 0.05),
+        (ShapeKind.CYLINDER, (0.03, 0.2), 0.06),
+        (ShapeKind.CYLINDER, (0.2, 0.02), 0.02),
+        (ShapeKind.SPHERE, (0.03,), 0.06),
+        (ShapeKind.CAPSULE, (0.03, 0.2), 0.06),
+        (ShapeKind.MESH, (1.0, 1.0, 1.0), None),
+    ],
+)
+def test_the_narrowest_width_of_shapes(kind, size, width):
+    shapes = (Shape(kind, size), Shape(ShapeKind.BOX, (1.0, 1.0, 1.0)))
+    assert narrowest(Body("thing", BodyKind.MOVABLE, shapes, HERE)) == width
+
+
+def test_grips_are_limited_by_the_opening_or_the_lack_of_a_gripper():
+    wide, narrow = in_niche(), in_niche(size=(0.05, 0.09, 0.09))
+    assert "no gripper holds 'cube', which is 90 mm wide" in grip_problem(wide, "cube", wide.robots)
+    assert grip_problem(narrow, "cube", narrow.robots) == ""
+
+
+def on_step(size=WIDE, height=0.05, turn=(0.0, 0.0, 0.0, 1.0)):
+    """The cube is wanted on a step."""
+    cube = box("cube", size, (0.5, 0.0, size[2] / 2))
+    step = box("step", (0.2, 0.2, height), (0.5, 0.3, height / 2), BodyKind.FIXED)
+    return scene(cube, step, goal=Goal("cube", np.array([0.5, 0.3, height + size[2] / 2, *turn])))
+
+
+def test_a_lift_of_what_no_gripper_holds_is_refused_before_anything_is_planned():
+    with pytest.raises(HmapError, match="'cube' has to be lifted.*90 mm wide.*opens 78 mm") as error:
+        planner.plan(on_step(), seed=0, time_limit=60.0)
+    assert error.value.code == Code.NO_CONTACT
+    assert "tried" not in error.value.search
+
+
+def test_a_push_and_a_turn_over_need_no_grip():
+    for made in (in_niche(), on_step(turn=(np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))), on_step(size=(0.05, 0.09, 0.09))):
+        check_grip(made, made.start_state(), made.goal)

@@ -124,12 +124,30 @@ def final_pushes(body: Body, T: np.ndarray, steps: int) -> list[np.ndarray]:
     Returns:
         Poses (steps, 7) for each side of the body.
     """
+    return _straight_pushes(body, T, np.arange(1 - steps, 1))
+
+
+def first_pushes(body: Body, T: np.ndarray, steps: int) -> list[np.ndarray]:
+    """The first centimetres of straight pushes from a pose.
+
+    Args:
+        body: the object.
+        T: T_world_obj (7,) at the start.
+        steps: number of poses.
+
+    Returns:
+        Poses (steps, 7) for each side of the body.
+    """
+    return _straight_pushes(body, T, np.arange(steps))
+
+
+def _straight_pushes(body: Body, T: np.ndarray, ahead: np.ndarray) -> list[np.ndarray]:
+    """Poses (M, 7) of straight pushes through a pose T (7,): steps (M,) ahead of it, for each side of the body."""
     slide = SlidingBody(body, T)
     found = []
     for side in sides(body, slide) if slide.footprint else []:
-        poses = np.tile(np.asarray(T, float), (steps, 1))
-        back = POSITION_STEP * np.arange(steps)[::-1]
-        poses[:, :2] -= back[:, None] * [np.cos(side.heading), np.sin(side.heading)]
+        poses = np.tile(np.asarray(T, float), (len(ahead), 1))
+        poses[:, :2] += POSITION_STEP * ahead[:, None] * [np.cos(side.heading), np.sin(side.heading)]
         found.append(poses)
     return found
 

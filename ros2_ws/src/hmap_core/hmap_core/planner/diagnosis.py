@@ -1,12 +1,15 @@
 """Why no hand finds a contact on an object in some place, in words: for those who have to change the task."""
 
 from collections import Counter
+from collections.abc import Sequence
 from itertools import islice
 
 import numpy as np
 
 from hmap_core.collision.convex import from_hulls, set_distance
 from hmap_core.contacts.feasibility import stretches
+from hmap_core.contacts.grip_width import grip_problem
+from hmap_core.contacts.push_path import first_pushes
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.segment import free_opening, retreated
@@ -16,9 +19,11 @@ from hmap_core.planner.protocols import ContactQuery
 from hmap_core.planner.sampled_contacts import SampledContacts
 from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.transforms import multiply
-from hmap_core.types import ContactPoint, Robot, Scene, SceneState
+from hmap_core.types import Body, ContactPoint, Robot, Scene, SceneState
 from hmap_core.waypoints import stable_poses
+from hmap_core.waypoints.checker import PENETRATION_ALLOWED
 
+PUSHED_STEPS = 3  # poses of a push, 1 cm apart, for which an object needs room before it, and a finger behind it
 BATCHES = 2  # of contacts that are looked at
 TOO_FAR = "too far for the arm"
 HAND_FREE = "free for the hand, but not for the arm on its way there and back"
@@ -29,19 +34,83 @@ def why_no_contact(scene: Scene, state: SceneState, object: str, T: np.ndarray, 
     there = state.copy()
     there.poses[object] = T
     around = placed_bodies(scene, there, object)
-    reasons = [_of_robot(scene, there, object, robot, around, np.random.default_rng(seed)) for robot in scene.robots]
+    reasons = [_of_robot(scene, there, object, robot, around, seed) for robot in scene.robots]
     if not stable_poses(scene.bodies[object], np.array([T + LIFT, T]), around)[1]:
         reasons.insert(0, "it does not stand there by itself")
     return "; ".join(reasons)
 
 
-def _of_robot(scene: Scene, state: SceneState, object: str, robot: str, around, rng: np.random.Generator) -> str:
+def why_not_moved(scene: Scene, state: SceneState, object: str) -> str:
+    """Why no hand moves an object from where it is: what becomes of grips, and what is around it for a push."""
+    grips = grip_problem(scene, object, scene.robots) or why_no_contact(scene, state, object, state.poses[object])
+    enclosing = _enclosing(scene, state, object)
+    if not enclosing:
+        return grips
+    walls = " and ".join(f"'{name}'" for name in enclosing)
+    return f"{grips}; it cannot be pushed away either, for it needs room before it and behind it: {walls}"
+
+
+def hand_fits(scene: Scene, state: SceneState, object: str, seed: int = 0) -> bool:
+    """Whether a hand alone, without the arm, can grip an object where it is, or push it to a side with room for it."""
+    around = placed_bodies(scene, state, object)
+    pushed = first_pushes(scene.bodies[object], state.poses[object], PUSHED_STEPS)
+    ways = [way for way in pushed if not overlapped(scene, state, object, way[-1])]
+    return any(
+        HAND_FREE in _fates(scene, state, object, robot, around, seed, poses)
+        for poses in (state.poses[object][None], *ways)
+        for robot in scene.robots
+    )
+
+
+def overlapped(scene: Scene, state: SceneState, object: str, T: np.ndarray) -> set[str]:
+    """Names of the bodies that an object would penetrate at a pose T (7,)."""
+    own = body_set(scene.bodies[object])
+    return {
+        other.name
+        for other in placed_bodies(scene, state, object)
+        if set_distance(own, T, body_set(other), other.pose) < -PENETRATION_ALLOWED
+    }
+
+
+def _enclosing(scene: Scene, state: SceneState, object: str) -> list[str]:
+    """Bodies that keep an object from being pushed on any of its sides: in its way, or where the hand would be."""
+    T, names = state.poses[object], set()
+    for way in first_pushes(scene.bodies[object], T, PUSHED_STEPS):
+        behind = np.concatenate([2.0 * T[:3] - way[-1, :3], T[3:]])
+        hits = overlapped(scene, state, object, way[-1]) | overlapped(scene, state, object, behind)
+        if not hits:
+            return []
+        names |= hits
+    return sorted(names)
+
+
+def _of_robot(scene: Scene, state: SceneState, object: str, robot: str, around: Sequence[Body], seed: int) -> str:
+    fates = _fates(scene, state, object, robot, around, seed)
+    if not fates:
+        problem = grip_problem(scene, object, [robot])
+        return f"'{robot}' finds nothing on it that it could grip or push{f': {problem}' if problem else ''}"
+    return f"of {fates.total()} contacts of '{robot}' " + ", ".join(
+        f"{n} are {fate}" for fate, n in fates.most_common()
+    )
+
+
+def _fates(
+    scene: Scene,
+    state: SceneState,
+    object: str,
+    robot: str,
+    around: Sequence[Body],
+    seed: int,
+    poses: np.ndarray | None = None,
+) -> Counter[str]:
+    """How many contacts of a robot on an object have which fate; pushes along poses (M, 7) are among them."""
     T = state.poses[object]
-    batches = SampledContacts().propose(ContactQuery(scene, state, object, T[None], robot, rng))
-    contacts = [contact for batch in islice(batches, BATCHES) for contact in batch.contacts]
-    if not contacts:
-        return f"'{robot}' finds nothing on it that it could grip or push"
+    poses = T[None] if poses is None else poses
+    query = ContactQuery(scene, state, object, poses, robot, np.random.default_rng(seed))
+    contacts = [contact for batch in islice(SampledContacts().propose(query), BATCHES) for contact in batch.contacts]
     fates: Counter[str] = Counter()
+    if not contacts:
+        return fates
     stretch = stretches(Manipulation(scene, state, robot, object), contacts, T[None])[:, 0]
     for contact, stretched in zip(contacts, stretch, strict=True):
         if stretched > 1.0:
@@ -49,9 +118,7 @@ def _of_robot(scene: Scene, state: SceneState, object: str, robot: str, around, 
         else:
             hit = _hit(scene.robots[robot], contact, T, around)
             fates[HAND_FREE if hit is None else f"with the hand in '{hit}'"] += 1
-    return f"of {len(contacts)} contacts of '{robot}' " + ", ".join(
-        f"{n} are {fate}" for fate, n in fates.most_common()
-    )
+    return fates
 
 
 def _hit(robot: Robot, contact: ContactPoint, T: np.ndarray, around) -> str | None:

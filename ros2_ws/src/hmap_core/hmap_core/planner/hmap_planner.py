@@ -136,6 +136,7 @@ class PlanningJob:
         attached = self.scene if self.tool_grasp is None else attach_tool(self.scene, self.tool_grasp)
         preconditions.check_robots(attached, self.start, goal.object)
         preconditions.check_reach(self.scene, self.start, goal)
+        preconditions.check_grip(self.scene, self.start, goal)
         preconditions.check_weight(self.scene, self.start, goal)
         tool = None if self.tool_grasp is None else self.tool_grasp.tool
         preconditions.check_loads(self.scene, self.start, goal, tool)

@@ -13,8 +13,16 @@ TILTED = float(np.deg2rad(1.0))  # rad of tilt between them, likewise
 
 def has_to_be_lifted(T_start: np.ndarray, goal: Goal) -> bool:
     """Whether a body has to leave its support on the way from T_start (7,) to a goal: it changes height or tilt."""
-    if abs(goal.pose[2] - T_start[2]) > LIFTED + goal.position_tolerance:
-        return True
+    return changes_height(T_start, goal) or tilts(T_start, goal)
+
+
+def changes_height(T_start: np.ndarray, goal: Goal) -> bool:
+    """Whether a goal is higher or lower than T_start (7,) by more than its tolerance allows."""
+    return bool(abs(goal.pose[2] - T_start[2]) > LIFTED + goal.position_tolerance)
+
+
+def tilts(T_start: np.ndarray, goal: Goal) -> bool:
+    """Whether the vertical of a body at a goal is another one than at T_start (7,)."""
     tilt = np.arccos(np.clip(_up(T_start) @ _up(goal.pose), -1.0, 1.0))
     return bool(tilt > TILTED + goal.rotation_tolerance)
 

@@ -3,13 +3,14 @@
 import numpy as np
 
 from hmap_core.collision.convex import ConvexSet, set_distance
+from hmap_core.contacts.grip_width import grip_problem
 from hmap_core.exceptions import Code, ContactError, InputError, WaypointError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.allowances import OVERLAP_ALLOWED
 from hmap_core.komo.shapes import body_set
 from hmap_core.komo.surroundings import robot_set
 from hmap_core.planner.attainable_goal import TOUCHING, attainable_goal
-from hmap_core.planner.loads import has_to_be_lifted, weight_problem
+from hmap_core.planner.loads import changes_height, has_to_be_lifted, tilts, weight_problem
 from hmap_core.planner.obstruction import carried_by, stacked_on
 from hmap_core.planner.segments import standing_collision
 from hmap_core.planner.tools import extent
@@ -124,6 +125,23 @@ def check_weight(scene: Scene, state: SceneState, goal: Goal) -> None:
         problem = weight_problem(scene, goal.object, scene.robots, True) and problem
     if problem:
         raise ContactError(problem, Code.NO_CONTACT)
+
+
+def check_grip(scene: Scene, state: SceneState, goal: Goal) -> None:
+    """Checks that some gripper can hold an object that has to be brought to another height, by its width alone.
+
+    What is turned over as well is not checked, since it might be tilted over an edge.
+
+    Raises:
+        ContactError: NO_CONTACT; no gripper can, with the widths.
+    """
+    start = state.poses[goal.object]
+    if not changes_height(start, goal) or tilts(start, goal):
+        return
+    problem = grip_problem(scene, goal.object, scene.robots)
+    if problem:
+        rise = 1e3 * (goal.pose[2] - start[2])
+        raise ContactError(f"'{goal.object}' has to be lifted to its goal, {rise:+.0f} mm; {problem}", Code.NO_CONTACT)
 
 
 def check_loads(scene: Scene, state: SceneState, goal: Goal, attached: str | None = None) -> None:

@@ -1,11 +1,11 @@
-"""Why an object cannot be brought to its goal: whether any robot could move it along the last poses of its path."""
+"""Why an object cannot be brought to its goal: whether any robot could move it there, or from where it starts."""
 
 import numpy as np
 
 from hmap_core.contacts.push_path import final_pushes
 from hmap_core.exceptions import Code, ContactError
 from hmap_core.planner.context import SearchContext
-from hmap_core.planner.diagnosis import why_no_contact
+from hmap_core.planner.diagnosis import hand_fits, why_no_contact, why_not_moved
 from hmap_core.planner.goals import about_vertical
 from hmap_core.planner.obstruction import without
 from hmap_core.planner.tasks import PathTask
@@ -19,7 +19,7 @@ LEVEL_PATH = 1e-3  # m that a path may rise if the object slides
 GRASPS_TRIED = 6  # on tools
 
 
-def check(context: SearchContext, task: PathTask) -> None:
+def check_goal(context: SearchContext, task: PathTask) -> None:
     """Check whether the goal of the task's object is within reach, once no contact was found along a path to it.
 
     Raises:
@@ -47,6 +47,28 @@ def check(context: SearchContext, task: PathTask) -> None:
         f"no contact can bring it there: {why_no_contact(bare, there, goal.object, goal.pose)}",
         Code.OUT_OF_REACH,
     ) from failure
+
+
+def check_start(context: SearchContext, task: PathTask) -> None:
+    """Check whether a hand fits on the task's object where it starts, once no contact was found along a path.
+
+    By the hands alone, whatever is removable being gone. Scenes with tools are not checked.
+
+    Raises:
+        ContactError: NO_CONTACT; no hand fits, for a grasp or for a push on any side.
+    """
+    object, scene = task.subgoal.goal.object, context.scene
+    if task.subgoal.depth > 0 or context.record.code != Code.NO_CONTACT or scene.mode == TaskMode.KINEMATIC:
+        return
+    bare = without(scene, scene.removable.keys() - {object})
+    start = with_tool_placed(context.start, context.start_grasp)
+    if tools_of(bare, object) or hand_fits(bare, start, object):
+        return
+    place = ", ".join(f"{v:.3f}" for v in start.poses[object][:3])
+    raise ContactError(
+        f"no contact can move '{object}' from its start at ({place}): {why_not_moved(bare, start, object)}",
+        Code.NO_CONTACT,
+    )
 
 
 def _ways_in(context: SearchContext, object: str, last_poses: np.ndarray) -> list[np.ndarray]:

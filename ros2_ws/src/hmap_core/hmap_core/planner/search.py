@@ -88,14 +88,16 @@ class Search:
         """One round of the outer loop: strategies for an object path until one brings the object to its goal.
 
         Raises:
-            ContactError: OUT_OF_REACH; no robot could bring the task's object to its goal.
+            ContactError: OUT_OF_REACH; no robot could bring the task's object to its goal. NO_CONTACT; none could move
+                it from its start.
         """
         kinematic = self.context.scene.mode == TaskMode.KINEMATIC
         task = PathTask(subgoal, sequence, number, kinematic)
         with self.context.record.tree.attempt(f"round {number + 1}: '{subgoal.goal.object}' {subgoal.reason}"):
             outcome = self.run(PATH_STRATEGIES, task)
             if isinstance(outcome, Failure) and not outcome.ends_round:
-                reachability.check(self.context, task)
+                reachability.check_goal(self.context, task)
+                reachability.check_start(self.context, task)
             return outcome
 
     def follow(

@@ -24,24 +24,26 @@ def two_on_goal(cell: Cell, draw: Sampler) -> None:
 
 def jars_in_cabinet(cell: Cell, draw: Sampler) -> None:
     """Take the last jar out of a narrow cabinet in which one or two others stand before it."""
-    radius, height = draw.uniform(0.024, 0.032), draw.uniform(0.09, 0.12)
-    ground, side = draw.uniform(0.18, 0.26), draw.side()
-    front, y = draw.uniform(0.5, 0.54), side * draw.uniform(0.0, 0.1)
-    jars = draw.integer(2, 3)
-    deep, wide, high = 0.09 * jars + 0.05, draw.uniform(0.27, 0.32), draw.uniform(0.26, 0.32)
+    radius, height = draw.uniform(0.024, 0.03), draw.uniform(0.09, 0.12)
+    ground, side = draw.uniform(0.2, 0.26), draw.side()
+    front, y = draw.uniform(0.5, 0.53), side * draw.uniform(0.04, 0.1)
+    jars, pitch = draw.integer(2, 3), draw.uniform(0.074, 0.08)
+    deep, wide, high = pitch * (jars - 1) + 0.1, draw.uniform(0.28, 0.32), draw.uniform(0.28, 0.34)
     middle = front + deep / 2
     cell.table().panda()
-    cell.box("platform", (0.5, 1.2, ground), (0.65, 0.0))
+    cell.box("base", (deep, wide + 0.04, ground), (middle, y))  # nothing stands before it, where the wrist has to be
     cell.box("roof", (deep, wide + 0.04, 0.02), (middle, y), ground + high)
     for name, edge in (("left", wide / 2 + 0.01), ("right", -wide / 2 - 0.01)):
         cell.box(f"side_{name}", (deep, 0.02, high), (middle, y + edge), ground)
     cell.box("back", (0.02, wide, high), (front + deep - 0.01, y), ground)
+    counter = y - side * (wide / 2 + 0.24)
+    cell.box("counter", (0.3, 0.36, ground), (0.55, counter))
     for k in range(jars):
         last = k == jars - 1
-        at = (front + 0.045 + 0.09 * k, y + draw.uniform(-0.01, 0.01))
+        at = (front + 0.036 + pitch * k, y + draw.uniform(-0.01, 0.01))
         options = {"color": ORANGE} if last else {"removable": True}
         cell.can("jar" if last else f"front_{k}", radius, height, at, ground, **options)
-    goal = (draw.uniform(0.5, 0.56), y - (1 if y >= 0 else -1) * draw.uniform(0.3, 0.36))
+    goal = (draw.uniform(0.45, 0.52), counter + draw.uniform(-0.06, 0.06))
     cell.goal("jar", goal, ground + height / 2, degrees=180.0)
 
 
