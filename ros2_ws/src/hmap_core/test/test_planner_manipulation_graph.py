@@ -119,6 +119,9 @@ class Grasps:
     def serves(self, T):
         return np.array([round(T[0]) in nodes for nodes in self._served])
 
+    def within_reach(self, T):
+        return 1
+
     def hands(self, T_from, T_to, count, rng):
         return [f"{T_from[0]:g}-{T_to[0]:g}"] if self._reached else []
 

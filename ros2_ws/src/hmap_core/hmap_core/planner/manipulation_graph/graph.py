@@ -1,5 +1,6 @@
 """The graph itself: costs of edges, bounded cheaply before they are planned, and the cheapest way to the goal."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -24,6 +25,7 @@ SLIDES_TRIED = (
 )
 DONE_COST = 0.3  # of an edge that is planned: it makes the plan longer
 HANDS = 3  # grasps for one edge that are tried
+Carried = Callable[[Placement, Placement], bool]
 
 
 @dataclass
@@ -32,7 +34,7 @@ class Edge:
 
     Attributes:
         sliding: whether the object is pushed over its support, else grasped.
-        checked: whether inverse kinematics has been solved at both ends.
+        checked: whether inverse kinematics has been solved at both ends, or the support in between looked at.
         hands: robots with grasps that they reach at both ends.
         tries: how often it was planned without success.
     """
@@ -52,6 +54,7 @@ class ManipulationGraph:
         grasps: grasps of each robot.
         start: what has been done before.
         rng: the only source of randomness.
+        carried: whether supports carry the object between two placements of the same height and tilt.
 
     Attributes:
         nodes: the placements.
@@ -64,18 +67,39 @@ class ManipulationGraph:
         grasps: list[GraspSet],
         start: SolutionSequence,
         rng: np.random.Generator,
+        carried: Carried = lambda a, b: True,
     ):
-        self.nodes, self._grasps, self._rng = placements, grasps, rng
+        self.nodes, self._grasps, self._rng, self._carried = placements, grasps, rng, carried
         self.reached = {START: start}
         self._edges: dict[tuple[int, int], Edge] = {}
+        self._known: dict[int, list[np.ndarray]] = {}  # which grasps serve at a node, for each robot
         n = len(placements)
         price = np.array([placement.cost for placement in placements])
         self._cost = np.full((n, n), GRASP_COST) + price[None]  # optimistic until an edge is looked at
+        near = self._near()
+        self._cost[near.T.astype(int) @ near == 0] = np.inf  # no robot reaches both
         np.fill_diagonal(self._cost, np.inf)
         self._cost[:, START] = self._cost[GOAL] = np.inf
         self._price = price
         self._more = np.zeros((n, n))  # cost of edges that are like one that failed
         self._slides = np.zeros(n)  # failed edges from each node over which the object is pushed
+
+    def _near(self) -> np.ndarray:
+        """Which robots (R, N) might reach the object at which node.
+
+        If no robot grasps the object at both ends, some placement has to be grasped by two robots. Then those that seem
+        within reach of two are looked at first, with the robot that reaches the fewest grasps there before the others.
+        """
+        counts = np.array([[grasp.within_reach(node.pose) for node in self.nodes] for grasp in self._grasps])
+        near = counts.reshape(len(self._grasps), len(self.nodes)) > 0
+        ends = [[bool(grasp.serves(self.nodes[k].pose).any()) for grasp in self._grasps] for k in (START, GOAL)]
+        if len(self._grasps) < 2 or any(a and b for a, b in zip(*ends, strict=True)):
+            return near
+        for k in range(GOAL + 1, len(self.nodes)):
+            for r in np.argsort(counts[:, k], kind="stable"):
+                if near[r, k] and near[:, k].sum() > 1:
+                    near[r, k] = self._grasps[r].reaches(self.nodes[k].pose, self._rng)
+        return near
 
     def cheapest(self) -> list[int] | None:
         """Numbers of the nodes on the cheapest way from a reached node to the goal; None where there is none.
@@ -102,14 +126,15 @@ class ManipulationGraph:
     def solved(self, a: int, b: int, sequence: SolutionSequence) -> None:
         """Note that an edge was planned."""
         self.reached[b] = sequence
-        self._slides[a] = -np.inf
+        if self._edges[a, b].sliding:
+            self._slides[a] = -np.inf
         self._cost[a, b] = DONE_COST
 
     def failed(self, a: int, b: int) -> None:
         """Price an edge that could not be planned."""
         edge = self._edges[a, b]
         edge.tries += 1
-        edge.checked = edge.sliding
+        edge.checked = edge.sliding  # other grasps may do
         self._cost[a, b] += FAILURE_COST if edge.tries < TRIES else np.inf
         here = self.nodes[b]
         for k, other in enumerate(self.nodes):
@@ -145,42 +170,55 @@ class ManipulationGraph:
         return way[::-1]
 
     def _look(self, edge: tuple[int, int]) -> bool:
-        """Bound an edge by the rigid hand; whether that changed its cost."""
-        if edge in self._edges:
-            return False
-        a, b = (self.nodes[k] for k in edge)
-        common = sum(int((grasp.serves(a.pose) & grasp.serves(b.pose)).sum()) for grasp in self._grasps)
-        self._edges[edge] = Edge(sliding=common == 0)
-        if common:
-            few = FEW_COST * max(0.0, 1.0 - common / FEW_GRASPS)
-            self._cost[edge] = GRASP_COST + few + self._price[edge[1]] + self._more[edge]
-        else:
-            self._cost[edge] = self._sliding_cost(edge)
-        return True
+        """Bound the edges of two nodes by the rigid hand; whether that was not done before."""
+        fresh = [k for k in edge if k not in self._known]
+        for k in fresh:
+            self._learn(k)
+        return bool(fresh)
+
+    def _learn(self, node: int) -> None:
+        """Find the grasps that serve at a node, and the cost of its edges with all other nodes that are known."""
+        served = [grasp.serves(self.nodes[node].pose) for grasp in self._grasps]
+        for other, theirs in self._known.items():
+            common = sum(int((a & b).sum()) for a, b in zip(served, theirs, strict=True))
+            for edge in ((other, node), (node, other)):
+                if np.isfinite(self._cost[edge]):
+                    self._edges[edge] = Edge(sliding=common == 0)
+                    self._cost[edge] = self._grasp_cost(edge, common) if common else self._sliding_cost(edge)
+        self._known[node] = served
+
+    def _grasp_cost(self, edge: tuple[int, int], common: int) -> float:
+        few = FEW_COST * max(0.0, 1.0 - common / FEW_GRASPS)
+        return float(GRASP_COST + few + self._price[edge[1]] + self._more[edge])
 
     def _sliding_cost(self, edge: tuple[int, int]) -> float:
         a, b = (self.nodes[k] for k in edge)
         tried_before = edge == (START, GOAL)  # by the strategies for one object path
-        if not a.slides_to(b) or self._slides[edge[0]] >= SLIDES_TRIED or tried_before:
+        if tried_before or self._slides[edge[0]] >= SLIDES_TRIED or not a.slides_to(b):
             return np.inf
         way = float(np.linalg.norm(a.pose[:2] - b.pose[:2]))
         turn = 2.0 * float(np.arccos(min(1.0, abs(float(a.pose[3:] @ b.pose[3:])))))
         return SLIDE_COST + SLIDE_WEIGHT * way + TURN_WEIGHT * turn + self._price[edge[1]] + float(self._more[edge])
 
     def _check(self, edge: tuple[int, int]) -> bool:
-        """Check an edge by inverse kinematics at both ends; whether it has become more expensive."""
+        """Check an edge: inverse kinematics at both ends, or the support in between; whether its cost has changed."""
         known = self._edges[edge]
-        if known.checked or known.sliding:
+        if known.checked:
             return False
-        a, b = (self.nodes[k] for k in edge)
         known.checked = True
-        known.hands = [
-            (grasp.robot, contact)
-            for grasp in self._grasps
-            for contact in grasp.hands(a.pose, b.pose, HANDS, self._rng)
-        ]
-        if known.hands:
-            return False
-        known.sliding = True
-        self._cost[edge] = self._sliding_cost(edge)
+        a, b = (self.nodes[k] for k in edge)
+        if not known.sliding:
+            known.hands = [
+                (grasp.robot, contact)
+                for grasp in self._grasps
+                for contact in grasp.hands(a.pose, b.pose, HANDS, self._rng)
+            ]
+            if known.hands:
+                return False
+            known.sliding = True
+            self._cost[edge] = self._sliding_cost(edge)
+            if np.isinf(self._cost[edge]):
+                return True
+        if not self._carried(a, b):
+            self._cost[edge] = np.inf
         return True

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hmap_core.contacts.candidates import Situation
-from hmap_core.contacts.feasibility import CHUNK, reach_bounds, reachable
+from hmap_core.contacts.feasibility import CHUNK, reach_bounds, reachable, stretches
 from hmap_core.contacts.grasp_torque import pad_balance, weight_torque_ratio
 from hmap_core.contacts.hand import align_pads, drop_unfit_grasps, hand_of
 from hmap_core.contacts.sampler import candidates
@@ -39,12 +39,27 @@ class GraspSet:
     manipulation: Manipulation
     _masks: dict[bytes, np.ndarray] = field(default_factory=dict)
 
+    def within_reach(self, T: np.ndarray) -> int:
+        """For how many of the grasps the arm might be long enough with the object at T (7,)."""
+        if not self.contacts:
+            return 0
+        return int((stretches(self.manipulation, self.contacts, T[None]) <= 1.0).sum())
+
     def serves(self, T: np.ndarray) -> np.ndarray:
         """Which grasps (K,) a hand alone could make with the object at T (7,), and lift it there."""
         key = T.tobytes()
         if key not in self._masks:
             self._masks[key] = free_at(self.manipulation, self.contacts, T)
         return self._masks[key]
+
+    def reaches(self, T: np.ndarray, rng: np.random.Generator) -> bool:
+        """Whether the arm reaches one of the SOLVED grasps that serve at T (7,) for which it stretches least."""
+        served = np.flatnonzero(self.serves(T))
+        if not len(served):
+            return False
+        contacts = [self.contacts[k] for k in served]
+        nearest = np.argsort(stretches(self.manipulation, contacts, T[None])[:, 0], kind="stable")[:SOLVED]
+        return bool(reachable(self.manipulation, [contacts[k] for k in nearest], T, rng)[0].any())
 
     def hands(self, T_from: np.ndarray, T_to: np.ndarray, count: int, rng: np.random.Generator) -> list[ContactPoint]:
         """Up to ``count`` grasps that the arm reaches at both of two poses (7,) of the object."""

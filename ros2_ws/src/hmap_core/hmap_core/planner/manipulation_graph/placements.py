@@ -11,6 +11,7 @@ from hmap_core.planner.obstruction import LIFT
 from hmap_core.planner.placements import MIN_SPACE, REACH_SHARE, Face, PlaceSearch, level_faces
 from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.planner.sweep import nearest
+from hmap_core.planner.tools import extent
 from hmap_core.stability.mass import centre_of_mass
 from hmap_core.stability.resting_faces import resting_faces
 from hmap_core.transforms import quaternion_multiply, quaternions, rotation_matrix
@@ -25,6 +26,7 @@ ALONG_EDGE = (0.5, 0.25, 0.75)  # shares of an edge at which the object is place
 LEAST_OVERHANG = 0.015  # m by which the object sticks out, at least
 SAME_TILT = 1e-3  # of the vertical direction in the body frame
 SAME_HEIGHT = 1e-3  # m
+GAP_STEP = 0.02  # m between checks of the support between two placements
 WAY_WEIGHT = 0.5  # cost of a metre between start, placement and goal
 
 
@@ -53,6 +55,26 @@ class Placement:
         """Whether both have the same height and tilt, so that the object may be pushed from one to the other."""
         level = abs(self.pose[2] - other.pose[2]) < SAME_HEIGHT
         return bool(level and np.abs(self.up - other.up).max() < SAME_TILT)
+
+
+def carried_between(scene: Scene, state: SceneState, object: str, a: Placement, b: Placement) -> bool:
+    """Whether supports carry an object between two placements, but for gaps that are shorter than the object.
+
+    Args:
+        scene, state: the world, and where everything is.
+        object: name of the object.
+        a, b: placements with the same height and tilt.
+    """
+    steps = max(1, int(np.ceil(np.linalg.norm(b.pose[:3] - a.pose[:3]) / GAP_STEP)))
+    poses = np.tile(a.pose, (steps + 1, 1))
+    poses[:, :3] += np.linspace(0.0, 1.0, steps + 1)[:, None] * (b.pose[:3] - a.pose[:3])
+    around = placed_bodies(scene, state, object)
+    stands = stable_poses(scene.bodies[object], np.vstack([a.pose + LIFT, poses]), around)[1:]
+    gap = longest = 0
+    for stable in stands:
+        gap = 0 if stable else gap + 1
+        longest = max(longest, gap)
+    return longest * GAP_STEP <= extent(scene, object)
 
 
 def intermediate_placements(

@@ -6,7 +6,7 @@ and a straight retreat.
 """
 
 from hmap_core.planner.segments.attached import attach_body
-from hmap_core.planner.segments.motions import come, go, pick, place, solve_segment
+from hmap_core.planner.segments.motions import come, go, leave, pick, place, solve_segment
 from hmap_core.planner.segments.timing import (
     FREE_ACCELERATION,
     FREE_SPEED,
@@ -25,6 +25,7 @@ __all__ = [
     "attach_body",
     "come",
     "go",
+    "leave",
     "pick",
     "place",
     "solve_segment",

@@ -84,6 +84,16 @@ def come(
     return joined_parts(scene, state, parts)
 
 
+def leave(scene: Scene, state: SceneState, contact: RobotContact, object: str) -> SubTrajectory:
+    """The motion in which a robot opens its gripper and draws back from an object that stays where it is.
+
+    Raises:
+        MotionError: NO_MOTION.
+    """
+    segment = ContactSegment(scene, state, object, contact, state.poses[object][None])
+    return joined_parts(scene, state, [segment.leave()])
+
+
 def go(
     scene: Scene, state: SceneState, robot: str, q: np.ndarray, rng: np.random.Generator, time_limit: float
 ) -> SubTrajectory:

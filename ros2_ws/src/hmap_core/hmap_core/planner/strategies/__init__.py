@@ -3,6 +3,7 @@
 from hmap_core.planner.strategies.attached_path import AttachedPathStrategy
 from hmap_core.planner.strategies.attached_tool import AttachedToolStrategy
 from hmap_core.planner.strategies.by_hand import ByHand, ByHandToTheEnd, ByHandWhereverItReaches
+from hmap_core.planner.strategies.hand_over import HandOver
 from hmap_core.planner.strategies.manipulation_graph import ManipulationGraphStrategy
 from hmap_core.planner.strategies.new_tool import NewTool
 from hmap_core.planner.strategies.object_path import ObjectPathStrategy
@@ -17,6 +18,7 @@ PATH_STRATEGIES = (
     SlideFirst(),
     PushedPaths(),
     ManipulationGraphStrategy(),
+    HandOver(),
 )
 # at one waypoint, with all bodies where they are; they solve the relaxed problem, too
 CONTACT_STRATEGIES = (ByHandToTheEnd(), AttachedToolStrategy(), ByHand(), NewTool(), ByHandWhereverItReaches())

@@ -8,7 +8,7 @@ from hmap_core.planner.attached_path import attached_paths
 from hmap_core.planner.goals import goal_of_round, path_scene
 from hmap_core.planner.manipulation_graph.graph import ManipulationGraph
 from hmap_core.planner.manipulation_graph.grasp_sets import grasp_sets
-from hmap_core.planner.manipulation_graph.placements import Placement, intermediate_placements
+from hmap_core.planner.manipulation_graph.placements import Placement, carried_between, intermediate_placements
 from hmap_core.planner.obstacle_removal import RemovalError
 from hmap_core.planner.obstruction import without
 from hmap_core.planner.outcome import Failure, Outcome, Solution
@@ -74,7 +74,11 @@ class ManipulationGraphStrategy:
         start, end = Placement.at(state.poses[object]), Placement.at(goal.pose)
         placements = intermediate_placements(scene, state, object, goal.pose, rng)
         grasps = grasp_sets(bare, state, object, (start.pose, end.pose), rng)
-        return ManipulationGraph([start, end, *placements], grasps, task.sequence, rng), goal
+
+        def carried(a: Placement, b: Placement) -> bool:
+            return carried_between(bare, state, object, a, b)
+
+        return ManipulationGraph([start, end, *placements], grasps, task.sequence, rng, carried), goal
 
     def _plan(
         self, search: "Search", subgoal: Subgoal, sequence: SolutionSequence, hands: list[tuple[str, ContactPoint]]
