@@ -65,6 +65,7 @@ def _print_summary(result) -> None:
     summary = {
         "arm": f"{len(model.joint_names)} joints, reaches {result.reach:.2f} m",
         "mass": f"{sum(row.mass or 0.0 for row in result.links):.2f} kg",
+        "payload": "not known" if model.payload is None else f"{model.payload:g} kg",
         "end effector": f"in link {model.end_effector_link}",
         "gripper": "none"
         if gripper is None

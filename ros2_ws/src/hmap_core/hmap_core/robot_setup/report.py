@@ -92,6 +92,7 @@ class RobotReport:
             "mass": sum(row.mass or 0.0 for row in self.links),
             "reach": self.reach,
             "end_effector": self.model.end_effector_link if self.model else None,
+            "payload": self.model.payload if self.model else None,
             "home": self.model.home.tolist() if self.model else None,
             "gripper": None if gripper is None else {
                 "joints": list(gripper.joint_names),

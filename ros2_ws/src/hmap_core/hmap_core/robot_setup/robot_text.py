@@ -14,6 +14,7 @@ from hmap_core.robot_setup.guess import RobotGuess
 from hmap_core.scenes.robots import load_robot_model
 from hmap_core.types import RobotModel
 
+PAYLOAD_LINE = "# payload: 3.0  # kg that the arm may carry, see its data sheet; without it no weight is checked"
 WIDTH = 118  # characters of a comment's line
 
 
@@ -112,6 +113,7 @@ def robot_text(
         f"velocity_limits: {_numbers(guess.velocities)}",
         *_comments(guess, "acceleration_limits"),
         f"acceleration_limits: {_numbers(guess.accelerations)}",
+        PAYLOAD_LINE,
     ]
     if "gripper" in guess.notes:
         lines += ["", *_comments(guess, "gripper")]
