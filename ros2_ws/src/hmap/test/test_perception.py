@@ -3,19 +3,25 @@
 import os
 import time
 
+import numpy as np
 import pytest
 import rclpy
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import Image, JointState
+from sensor_msgs.msg import CameraInfo, Image, JointState
+from std_msgs.msg import Header
 
 from hmap.node import LATCHED
 from hmap.nodes.perception import CAMERA_TOPICS, Perception
+from hmap.perception.pictures import PictureParts
 from hmap_core.exceptions import InputError
 from hmap_core.scenes import load_scene
+from hmap_msgs.msg import InstanceNames
 from hmap_msgs_py.checks import ConversionError
+from hmap_msgs_py.images import image_to_message
 from hmap_msgs_py.times import time_to_message
 
 FIRST_DOMAIN, DOMAINS = 120, 100  # ROS_DOMAIN_ID; each process of tests takes its own
@@ -139,6 +145,22 @@ def test_driver_that_sets_no_stamps_is_told_so(perception):
 def test_unknown_frames_are_refused(perception, frame):
     with pytest.raises(ConversionError, match=f"frame {frame!r}; allowed: 'vicon', 'world'"):
         perception._take_pose(perception._watched.fusion, "bar", pose_of(time.time(), frame))
+
+
+def test_problems_of_a_camera_are_named_once_whichever_part_comes_last(perception):
+    camera = next(iter(perception._watched.fusion.scene.cameras.values()))
+    parts = PictureParts(camera, perception._sensor_clock)
+    now = int(time.time())
+    for order in range(4):
+        stamp = Time(sec=now - 4 + order)
+        header = Header(stamp=stamp, frame_id="camera")
+        image = image_to_message(np.zeros((3, 4), np.uint16), "16UC1", "camera", stamp)
+        names = InstanceNames(header=header, numbers=[1, 2], names=["bar", "bar"])
+        info = CameraInfo(header=header, k=[5.0, 0.0, 2.0, 0.0, 5.0, 1.5, 0.0, 0.0, 1.0])
+        given = [("depth", image), ("info", info), ("mask", image), ("names", names)]
+        for part, message in (*given[order:], *given[:order]):
+            perception._take_picture(perception._watched, parts, part, message)
+    assert len(perception.warned) == 1 and "'bar' has several numbers" in perception.warned[0]
 
 
 def test_problems_of_now_are_on_the_diagnostics(perception):

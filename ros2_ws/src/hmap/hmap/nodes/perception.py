@@ -167,15 +167,20 @@ class Perception(HmapNode):
         pose = pose_from_message(message.pose, f"the pose of {name!r}")
         fusion.add_pose(seconds_from_message(message.header.stamp), name, pose)
 
-    def _take_picture(self, watched: Watched, parts: PictureParts, part: str, message: Any) -> list[str]:
-        picture = parts.add(part, message)
+    def _take_picture(self, watched: Watched, parts: PictureParts, part: str, message: Any) -> None:
+        source = f"camera '{parts.camera.name}'"  # whichever of its topics completes the picture
+        try:
+            picture = parts.add(part, message)
+        except (InputError, ConversionError) as error:
+            self.problems.update(source, [str(error)])
+            return
         if picture is None:
-            return []
+            return
+        self.problems.update(source, picture.problems)
         forgotten = self._follow_clock(watched)
         if watched.detected.update(picture) or forgotten:
             self._report_new(watched, time_to_message(picture.time))
         self._update_clouds(watched.fusion, picture)
-        return list(picture.problems)
 
     def _follow_clock(self, watched: Watched) -> bool:
         """Forget what the cameras saw before the clock jumped back; whether it did."""
