@@ -126,11 +126,11 @@ def test_each_cause_is_named_once_and_again_when_it_comes_back(perception):
 def test_pose_of_an_hour_ahead_does_not_count(perception):
     now = time.time()
     perception._take_joints(joint_state(joints_of(perception), now))
-    with pytest.raises(ConversionError, match="'bar' is stamped 36.* s ahead"):
+    with pytest.raises(ConversionError, match="'bar' is stamped 3[56][0-9]{2}.* s ahead"):
         perception._take_pose(perception._watched.fusion, "bar", pose_of(now + 3600.0))
     perception._publish_state()
     assert perception._status[1] == "not measured yet: bar"
-    with pytest.raises(InputError, match="body 'bar', is stamped 36.* s ahead"):
+    with pytest.raises(InputError, match="body 'bar', is stamped 3[56][0-9]{2}.* s ahead"):
         perception._check_age(now + 3600.0, "body 'bar'")
 
 
