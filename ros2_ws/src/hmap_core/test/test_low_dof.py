@@ -11,6 +11,7 @@ from hmap_core.contacts.candidates import CONTACT_GAP, on_surface
 from hmap_core.contacts.feasibility import reachable
 from hmap_core.contacts.grasp_axis import turned_grasps
 from hmap_core.contacts.hand import hand_of
+from hmap_core.contacts.push import push_reach
 from hmap_core.contacts.solids import solids
 from hmap_core.kinematics.arm import ALL_DIRECTIONS, load_arm
 from hmap_core.komo.manipulation import Manipulation
@@ -20,7 +21,7 @@ from hmap_core.planner.sampled_contacts import SampledContacts
 from hmap_core.planner.tilt import keeps_tilt, levelled, tilt_and_yaw
 from hmap_core.scenes import load_robot_model, load_scene
 from hmap_core.simulation.execute import execute
-from hmap_core.transforms import IDENTITY, apply, from_matrix, from_rpy, interpolate, pose, rotation_matrix
+from hmap_core.transforms import IDENTITY, apply, from_matrix, from_rpy, interpolate, multiply, pose, rotation_matrix
 from hmap_core.types import Body, BodyKind, ContactKind, ContactPoint, Goal, Robot, Scene, SegmentKind, Shape, ShapeKind
 from hmap_core.validation import check
 from hmap_core.waypoints import ObjectPathProblem
@@ -81,6 +82,20 @@ def test_sampled_contacts_are_within_the_mobility_of_the_arm(tmp_path, task, rob
             heights = (apply(contact.T_obj_ee, hand.tip) - contact.point) @ contact.normal - hand.tip_radius
             assert -1e-6 < heights.min() < CONTACT_GAP + OFF
             assert R @ contact.approach @ contact.normal < 0.0
+
+
+@pytest.mark.parametrize("turn", ["0, 0, 0", "180, 0, 0", "0, 90, 0", "0, 0, 30", "20, 30, 40"])
+@pytest.mark.parametrize("robot", ["paddle", "disc"])
+def test_pushes_do_not_depend_on_how_the_hand_s_frame_is_turned(tmp_path, robot, turn):
+    task, path = write_task(tmp_path, "crate", robot), tmp_path / f"{robot}.yaml"
+    path.write_text(path.read_text().replace("{xyz: [0, 0, 0]}", f"{{xyz: [0, 0, 0], rpy_deg: [{turn}]}}"))
+    scene = load_scene(str(task), seed=0)
+    start = scene.bodies["crate"].pose
+    poses = interpolate(start, multiply(start, pose((0.2, 0.0, 0.0))), np.linspace(0.0, 1.0, 8))
+    contacts = sampled(scene, poses)
+    assert len(contacts) >= 10 and {contact.kind for contact in contacts} == {ContactKind.PUSH}
+    hand = hand_of(scene.robots["arm"])
+    assert (push_reach(scene.bodies["crate"], hand, contacts, poses) == len(poses) - 1).sum() >= 10
 
 
 def test_a_round_tip_touches_with_its_surface():

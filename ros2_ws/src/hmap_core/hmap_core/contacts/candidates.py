@@ -73,13 +73,14 @@ class Situation:
         T_world_obj: (7,) where the object is.
         T_world_next: (7,) where it is to go next; None when nothing is known of the motion.
         robot_position: (3,) the robot's base, world frame; None: any.
-        tilt: angle of the hand's z axis to straight down at which an arm with few joints works, rad; None: any.
+        R_world_hand: (3, 3) orientation that the hand of an arm with few joints keeps, but for rotations about the
+            vertical; None: it reaches any.
     """
 
     T_world_obj: np.ndarray
     T_world_next: np.ndarray | None = None
     robot_position: np.ndarray | None = None
-    tilt: float | None = None
+    R_world_hand: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from hmap_core.collision.convex import convex_set
 from hmap_core.contacts import scoring
@@ -27,6 +28,8 @@ UPRIGHT = float(np.deg2rad(10.0))
 LEANS = np.deg2rad([0.0, 30.0, 60.0, 90.0])
 # rotations of the hand about its approach: faces or sides of the pads against the object
 ROLLS = np.deg2rad([0.0, 90.0, 180.0, 270.0])
+# sides of a hand that turns about the vertical only, the widest ones
+SIDES = 8
 # share of the object's friction coefficient that a push relies on
 FRICTION_SHARE = 0.7
 # smallest overlap of pusher and object in height, m
@@ -86,11 +89,11 @@ def slide_twists(T0: np.ndarray, T1: np.ndarray, centre: np.ndarray) -> np.ndarr
     return np.array([[*(step[:2] + spin), angle], [*(last + spin), angle]])
 
 
-def _oriented(n: int, normals: np.ndarray, up: np.ndarray, leans: np.ndarray) -> np.ndarray:
+def _oriented(n: int, normals: np.ndarray, up: np.ndarray) -> np.ndarray:
     """Frames (n * K, 3, 3) for all K angles and rotations of the hand."""
-    lean = np.tile(np.repeat(leans, len(ROLLS)), n)
-    roll = np.tile(ROLLS, n * len(leans))
-    count = len(leans) * len(ROLLS)
+    lean = np.tile(np.repeat(LEANS, len(ROLLS)), n)
+    roll = np.tile(ROLLS, n * len(LEANS))
+    count = len(LEANS) * len(ROLLS)
     inward = -(normals - np.outer(normals @ up, up))
     inward = np.repeat(inward / np.linalg.norm(inward, axis=1)[:, None], count, axis=0)
     z = -np.cos(lean)[:, None] * up + np.sin(lean)[:, None] * inward
@@ -249,8 +252,11 @@ def pushes(
     sets = (
         _attached_poses(slide, cloud, twists, hand, rng)
         if hand.attached
-        else [_finger_poses(slide, cloud, twists, hand, _leans(situation))]
+        else [_finger_poses(slide, cloud, twists, hand)]
     )
+    sides = _sides(hand.tip, situation.R_world_hand)
+    if situation.R_world_hand is not None and len(sides):
+        sets = [*sets, _side_poses(slide, cloud, twists, hand, situation.R_world_hand, sides)]
     found = []
     for points, R, origin, feature, tip, upright, index in sets:
         normals = cloud.normals[index]
@@ -291,20 +297,55 @@ def _overlaps(
     return (slide.top - low >= OVERLAP) & (high >= slide.lowest + OVERLAP)
 
 
-def _leans(situation: Situation) -> np.ndarray:
-    """The angles LEANS of the fingers, and the one at which the arm works, towards and away from the face."""
-    return LEANS if situation.tilt is None else np.unique([*LEANS, situation.tilt, -situation.tilt])
-
-
-def _finger_poses(slide: SlidingBody, cloud: Cloud, twists: np.ndarray, hand: Hand, leans: np.ndarray):
+def _finger_poses(slide: SlidingBody, cloud: Cloud, twists: np.ndarray, hand: Hand):
     """Closed fingers at the points, and at every n-th point moved to balance the push."""
-    own = np.r_[np.arange(len(cloud)), np.arange(len(cloud))[::BALANCED_EVERY]]
-    points = np.concatenate([cloud.points, slide.balanced(cloud[::BALANCED_EVERY], twists).points])
-    R = _oriented(len(own), cloud.normals[own], slide.up, leans)
+    points, own = _places(slide, cloud, twists)
+    R = _oriented(len(own), cloud.normals[own], slide.up)
     turns = len(R) // len(own)
     points, index = np.repeat(points, turns, axis=0), np.repeat(own, turns)
     origin, feature = on_surface(R, points, cloud.normals[index], hand.tip, hand.tip_radius)
     return points, R, origin, feature, hand.tip, np.zeros(len(R)), index
+
+
+def _side_poses(
+    slide: SlidingBody, cloud: Cloud, twists: np.ndarray, hand: Hand, R_world_hand: np.ndarray, sides: np.ndarray
+):
+    """As :func:`_finger_poses`, with the sides of a hand that turns about the vertical only; its lower end touches."""
+    points, own = _places(slide, cloud, twists)
+    turns = len(sides)
+    points, index = np.repeat(points, turns, axis=0), np.repeat(own, turns)
+    inward = -_to_plane(cloud.normals[index], slide.level)
+    angle = np.arctan2(inward[:, 1], inward[:, 0]) - np.tile(sides, len(own))
+    turn = np.zeros((len(angle), 3, 3))
+    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(angle)
+    turn[:, 1, 0], turn[:, 2, 2] = np.sin(angle), 1.0
+    turn[:, 0, 1] = -turn[:, 1, 0]
+    R = slide.level.T @ turn @ R_world_hand
+    origin, feature = on_surface(R, points, cloud.normals[index], hand.tip, hand.tip_radius, end=-slide.up)
+    return points, R, origin, feature, hand.tip, np.zeros(len(R)), index
+
+
+def _places(slide: SlidingBody, cloud: Cloud, twists: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The points, and every n-th of them moved to balance the push, (N, 3); and indices (N,) of their normals."""
+    own = np.r_[np.arange(len(cloud)), np.arange(len(cloud))[::BALANCED_EVERY]]
+    return np.concatenate([cloud.points, slide.balanced(cloud[::BALANCED_EVERY], twists).points]), own
+
+
+def _sides(tip: np.ndarray, R_world_hand: np.ndarray | None) -> np.ndarray:
+    """Directions (S,) of the widest upright sides of a hand with vertices ``tip`` (V, 3), rad about the vertical.
+
+    At most SIDES; none without an orientation of the hand.
+    """
+    if R_world_hand is None:
+        return np.zeros(0)
+    flat = (tip @ R_world_hand.T)[:, :2]
+    flat = flat - flat.mean(axis=0)
+    if np.linalg.svd(flat, compute_uv=False).min(initial=np.inf) < TOUCHING or len(flat) < 3:
+        return np.zeros(0)
+    hull = ConvexHull(flat)
+    width = np.linalg.norm(np.diff(flat[hull.simplices], axis=1)[:, 0], axis=1)
+    widest = hull.equations[np.argsort(-width, kind="stable")[:SIDES]]
+    return np.arctan2(widest[:, 1], widest[:, 0])
 
 
 def _attached_poses(slide: SlidingBody, cloud: Cloud, twists: np.ndarray, hand: Hand, rng: np.random.Generator):

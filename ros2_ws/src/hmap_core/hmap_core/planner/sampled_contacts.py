@@ -49,7 +49,7 @@ class SampledContacts:
         surface = surface[accessible(surface, poses[0], around, room)]
         ahead = poses[1] if len(poses) > 1 else None
         limited = load_arm(placed.model).mobility < ALL_DIRECTIONS
-        situation = Situation(poses[0], ahead, placed.base_pose[:3], _tilt(placed) if limited else None)
+        situation = Situation(poses[0], ahead, placed.base_pose[:3], _home_orientation(placed) if limited else None)
         body, total = scene.bodies[query.object], 0
         sources = (query.cloud, False), (surface[surface.seen], False), (surface[~surface.seen], False), (surface, True)
         for points, spanning in sources:
@@ -78,10 +78,10 @@ class SampledContacts:
         return batch
 
 
-def _tilt(robot: Robot) -> float:
-    """Angle (rad) of the hand's z axis to straight down with the robot at home."""
+def _home_orientation(robot: Robot) -> np.ndarray:
+    """Orientation (3, 3) of the hand with the robot at home, world frame."""
     T_world_ee = multiply(robot.base_pose, load_arm(robot.model).end_effector(robot.model.home))
-    return float(np.arccos(np.clip(-rotation_matrix(T_world_ee)[2, 2], -1.0, 1.0)))
+    return rotation_matrix(T_world_ee)
 
 
 def sampled_surface(scene: Scene, state: SceneState, object: str, T_world_obj: np.ndarray, rng) -> Cloud:
