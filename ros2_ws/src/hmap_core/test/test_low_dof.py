@@ -1,6 +1,7 @@
 """Robots with fewer than six joints: which frames of a contact they reach, and what they push, pick and place."""
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -13,9 +14,10 @@ from hmap_core.contacts.grasp_axis import turned_grasps
 from hmap_core.contacts.hand import hand_of
 from hmap_core.contacts.push import push_reach
 from hmap_core.contacts.solids import solids
+from hmap_core.exceptions import Code, ContactError
 from hmap_core.kinematics.arm import ALL_DIRECTIONS, load_arm
 from hmap_core.komo.manipulation import Manipulation
-from hmap_core.planner import plan
+from hmap_core.planner import plan, reachability
 from hmap_core.planner.protocols import ContactQuery
 from hmap_core.planner.sampled_contacts import SampledContacts
 from hmap_core.planner.tilt import keeps_tilt, levelled, tilt_and_yaw
@@ -143,6 +145,17 @@ def test_the_object_keeps_its_tilt_on_a_level_path(level):
     tilts = np.array([tilt_and_yaw(start, T)[0] for T in path])
     assert np.ptp(path[:, 2]) > 0.2
     assert (tilts.max() < 1e-6) == level
+
+
+def test_a_goal_is_not_called_out_of_reach_for_the_way_in_which_its_path_tilts(tmp_path):
+    """An arm with five joints may follow a tilt about another axis than the path's, so nothing is decided."""
+    scene = scene_of(tmp_path, "brick", "five")
+    poses = interpolate(IDENTITY, from_rpy((0.3, 0.0, 0.0), (0.5, 0.0, 0.0)), np.linspace(0.0, 1.0, 8))
+    asked = Mock()
+    asked.find_contacts.side_effect = ContactError("none", Code.NO_CONTACT)
+    context = Mock(scene=scene, record=Mock(code=Code.NO_CONTACT), components=Mock(contacts=asked))
+    reachability.check(context, Mock(subgoal=Mock(depth=0, goal=scene.goal), poses=poses))
+    assert not asked.find_contacts.called
 
 
 def test_a_goal_takes_the_tilt_of_the_start_within_its_tolerance():

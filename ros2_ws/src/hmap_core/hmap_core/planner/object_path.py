@@ -10,14 +10,12 @@ from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.shapes import body_set, box_round
 from hmap_core.planner.protocols import ObjectPathQuery
 from hmap_core.planner.surroundings import PHYSICAL_MIN_DISTANCE, placed_bodies
-from hmap_core.planner.tilt import keeps_tilt, tilt_and_yaw
+from hmap_core.planner.tilt import SAME_TILT, keeps_tilt, tilt_and_yaw
 from hmap_core.transforms import IDENTITY
 from hmap_core.types import Body, BodyKind, Scene, TaskMode
 from hmap_core.waypoints import DEFAULT_MIN_DISTANCE, NoObjectPath, ObjectPath, ObjectPathProblem, plan_waypoints
 from hmap_core.waypoints.checker import Geometry, ObjectChecker
 from hmap_core.waypoints.search_budget import SearchBudget
-
-SAME_TILT = 1e-6  # rad between start and goal up to which the tilt counts as kept
 
 # problem, generator, time limit (s), largest number of checked motions -> path
 Search = Callable[[ObjectPathProblem, np.random.Generator, float, float], ObjectPath]

@@ -9,6 +9,7 @@ from hmap_core.planner.diagnosis import hand_fits, why_no_contact, why_not_moved
 from hmap_core.planner.goals import about_vertical
 from hmap_core.planner.obstruction import without
 from hmap_core.planner.tasks import PathTask
+from hmap_core.planner.tilt import SAME_TILT, keeps_tilt, tilt_and_yaw
 from hmap_core.planner.tools import attach_tool, tools_of, with_tool_placed
 from hmap_core.types import Scene, SceneState, TaskMode
 
@@ -25,9 +26,11 @@ def check_goal(context: SearchContext, task: PathTask) -> None:
     Raises:
         ContactError: OUT_OF_REACH; no robot could bring the object along the last poses, whatever the way there.
     """
+    goal, scene = task.subgoal.goal, context.scene
     if task.subgoal.depth > 0 or context.record.code != Code.NO_CONTACT:
         return
-    goal, scene = task.subgoal.goal, context.scene
+    if keeps_tilt(scene) and tilt_and_yaw(task.poses[-1], task.poses[-min(GOAL_POSES, len(task.poses))])[0] > SAME_TILT:
+        return  # an arm with few joints may tilt the object about another axis
     there = with_tool_placed(context.start, context.start_grasp).copy()
     bare = without(scene, scene.removable.keys() - {goal.object})
     failure: ContactError | None = None

@@ -8,6 +8,8 @@ from hmap_core.kinematics.arm import ALL_DIRECTIONS, load_arm
 from hmap_core.transforms import inverse, multiply, quaternion_multiply
 from hmap_core.types import Goal, Scene
 
+SAME_TILT = 1e-6  # rad up to which a tilt counts as kept
+
 
 def keeps_tilt(scene: Scene) -> bool:
     """Whether no robot of a scene reaches every orientation: what they carry then keeps its roll and pitch."""
