@@ -154,7 +154,7 @@ def test_a_goal_is_not_called_out_of_reach_for_the_way_in_which_its_path_tilts(t
     asked = Mock()
     asked.find_contacts.side_effect = ContactError("none", Code.NO_CONTACT)
     context = Mock(scene=scene, record=Mock(code=Code.NO_CONTACT), components=Mock(contacts=asked))
-    reachability.check(context, Mock(subgoal=Mock(depth=0, goal=scene.goal), poses=poses))
+    reachability.check_goal(context, Mock(subgoal=Mock(depth=0, goal=scene.goal), poses=poses))
     assert not asked.find_contacts.called
 
 
