@@ -195,6 +195,21 @@ def test_a_motion_goes_into_and_out_of_overlaps_that_the_judge_allows(depth, mon
     assert report.valid, report.violations[:3]
 
 
+@pytest.mark.parametrize("depth", [-0.001, 0.0, 0.0005, 0.0008])
+def test_a_pose_is_reached_in_overlaps_that_the_judge_allows(depth):
+    world, q = reaching_down(depth)
+    made = plan_motion(world, "left", T_world_ee=tip(world, q))
+    assert distance(tip(world, q), tip(world, made.trajectory.joints["left"][-1]))[0] < 1e-3
+    judged(world, made)
+
+
+def test_a_pose_deeper_inside_of_something_is_out_of_reach():
+    world, q = reaching_down(0.002)
+    with pytest.raises(MotionError) as error:
+        plan_motion(world, "left", T_world_ee=tip(world, q))
+    assert error.value.code == Code.OUT_OF_REACH
+
+
 def test_deeper_overlaps_are_refused_at_once():
     world, q = reaching_down(0.0013)
     with pytest.raises(InputError, match=r"'left' is 1.\d+ mm inside at its goal: .* at most 1 mm") as error:

@@ -90,6 +90,15 @@ def test_a_state_within_the_limits_is_left_as_it_is(world):
     assert kept is state and notes == ()
 
 
+def test_lists_and_a_missing_opening_of_a_robot_without_gripper_are_completed(world):
+    robot = world.robots["left"]
+    bare = replace(world, robots={"left": replace(robot, model=replace(robot.model, gripper=None))})
+    state = replace(bare.start_state(), q={"left": robot.q.tolist()}, gripper={})
+    kept, notes = within_limits(bare, state)
+    np.testing.assert_array_equal(kept.q["left"], robot.q)
+    assert kept.gripper == {"left": 0.0} and notes == ()
+
+
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [

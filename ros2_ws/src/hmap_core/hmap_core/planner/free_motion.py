@@ -7,11 +7,12 @@ from itertools import cycle
 import numpy as np
 
 from hmap_core.exceptions import Code, InputError, MotionError
-from hmap_core.komo.allowances import OVERLAP_ALLOWED
+from hmap_core.komo.allowances import OVERLAP_ALLOWED, RELAXATION
 from hmap_core.komo.features import pose_params
 from hmap_core.komo.ik import solve_ik_batch
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.segment import Phase
+from hmap_core.komo.transcription import KomoProblem
 from hmap_core.planner import segments
 from hmap_core.planner.interfaces import SubTrajectory
 from hmap_core.trajectory.measured_limits import configuration_within_limits, within_limits
@@ -103,23 +104,38 @@ def _checked_pose(pose: np.ndarray | None) -> np.ndarray:
 def _configurations(scene: Scene, state: SceneState, robot: str, T_world_ee: np.ndarray, rng) -> list[np.ndarray]:
     """Free configurations (n,) with the end-effector at a pose (7,), the nearest to the present one first.
 
+    Where none keeps the clearances of a transit, those that overlap with something by less than OVERLAP_ALLOWED.
+
     Raises:
         MotionError: OUT_OF_REACH; there is none.
     """
     manipulation = Manipulation(scene, state, robot, None)
     problem = manipulation.ik_problem(manipulation.standing_collisions(), Phase.TRANSIT)
-    chain, now = manipulation.model.chain, state.q[robot]
+    found = _found_by_ik(manipulation, problem, T_world_ee, rng)
+    if not found:
+        cols = problem.arrays()
+        overlapping = cols._replace(min_distance=np.minimum(cols.min_distance, RELAXATION - OVERLAP_ALLOWED))
+        found = _found_by_ik(manipulation, problem.keeping(overlapping), T_world_ee, rng)
+    if not found:
+        place = ", ".join(f"{value:.3f}" for value in T_world_ee[:3])
+        raise MotionError(
+            f"'{robot}' reaches no free configuration with its end-effector at ({place})", Code.OUT_OF_REACH
+        )
+    return found[:CONFIGURATIONS]
+
+
+def _found_by_ik(
+    manipulation: Manipulation, problem: KomoProblem, T_world_ee: np.ndarray, rng: np.random.Generator
+) -> list[np.ndarray]:
+    """Different solutions (n,) of a one-step problem with the end-effector at a pose (7,), the nearest first."""
+    chain, now = manipulation.model.chain, manipulation.state.q[manipulation.robot]
     random = rng.uniform(chain.lower, chain.upper, (IK_STARTS, len(now)))
-    starts = np.concatenate([[now, scene.robots[robot].model.home], random])
+    home = manipulation.scene.robots[manipulation.robot].model.home
+    starts = np.concatenate([[now, home], random])
     params = np.tile(pose_params(manipulation.T_tip_ee, T_world_ee), (len(starts), 1))
     found, feasible = solve_ik_batch(problem, params, starts, starts)
     kept: list[np.ndarray] = []
     for configuration in sorted(found[feasible], key=lambda configuration: float(np.abs(configuration - now).max())):
         if all(np.abs(configuration - other).max() > SAME_CONFIGURATION for other in kept):
             kept.append(configuration)
-    if not kept:
-        place = ", ".join(f"{value:.3f}" for value in T_world_ee[:3])
-        raise MotionError(
-            f"'{robot}' reaches no free configuration with its end-effector at ({place})", Code.OUT_OF_REACH
-        )
-    return kept[:CONFIGURATIONS]
+    return kept

@@ -32,12 +32,13 @@ def within_limits(scene: Scene, state: SceneState) -> tuple[SceneState, tuple[st
         raise InputError(f"the state lacks poses of {', '.join(missing)}; it needs one of each body")
     q, gripper, notes = dict(state.q), dict(state.gripper), []
     for name, robot in scene.robots.items():
-        if name not in state.q or name not in state.gripper:
+        if name not in q or (robot.model.gripper is not None and name not in gripper):
             raise InputError(f"the state lacks joints or gripper of robot '{name}'; it needs both")
-        q[name], moved = configuration_within_limits(robot, state.q[name], "start")
-        gripper[name], opened = _opening_within_limits(robot, state.gripper[name])
+        q[name], moved = configuration_within_limits(robot, q[name], "start")
+        gripper[name], opened = _opening_within_limits(robot, gripper.get(name, 0.0))
         notes += [*moved, *opened]
-    return (SceneState(q, gripper, state.poses), tuple(notes)) if notes else (state, ())
+    same = gripper == state.gripper and all(q[name] is state.q[name] for name in q)
+    return (state, ()) if same else (SceneState(q, gripper, state.poses), tuple(notes))
 
 
 def configuration_within_limits(robot: Robot, q: np.ndarray, what: str) -> tuple[np.ndarray, tuple[str, ...]]:
