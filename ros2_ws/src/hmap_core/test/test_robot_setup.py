@@ -192,6 +192,16 @@ def test_a_gripper_that_cannot_be_loaded_is_left_out_with_the_reason(tmp_path):
     assert draft_model(kept).gripper is None
 
 
+def test_a_guess_that_cannot_be_used_names_the_urdf(tmp_path):
+    """A joint of the arm that another one mimics."""
+    body = arm_urdf().replace("</joint>", mimic("pan") + "</joint>", 6).replace(mimic("pan"), "", 5)
+    path = write(tmp_path, body + link("hand", 0.6, shape(box(0.06, 0.06, 0.08), "0 0 0.04")))
+    for attempt in (draft_model, with_loadable_gripper):
+        with pytest.raises(InputError, match="mimics it in the URDF") as error:
+            attempt(guess_robot(path))
+        assert error.value.reason.startswith(f"{path}: joints")
+
+
 @pytest.mark.parametrize("arm", ["ur5e_2f85", "gen3_2f85"])
 def test_home_is_free_of_collisions_with_the_hand_pointing_down(tmp_path, arm):
     path = new_robot(tmp_path, urdf_of(arm), "--samples", "300")

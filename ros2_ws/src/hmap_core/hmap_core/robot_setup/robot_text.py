@@ -24,6 +24,14 @@ def draft_model(guess: RobotGuess) -> RobotModel:
     Raises:
         InputError: the guess cannot be loaded, for a reason that the message names.
     """
+    try:
+        return _draft(guess)
+    except InputError as error:
+        raise InputError(f"{guess.file}: {error.reason}", error.code) from error
+
+
+def _draft(guess: RobotGuess) -> RobotModel:
+    """As :func:`draft_model`; the reason of an error names no file."""
     home = np.clip(0.0, *guess.limits)
     return load_text(robot_text(guess, str(guess.file.resolve()), home), guess.file.stem)
 
@@ -35,11 +43,11 @@ def with_loadable_gripper(guess: RobotGuess) -> RobotGuess:
         InputError: the guess cannot be loaded without its gripper either.
     """
     try:
-        draft_model(guess)
+        _draft(guess)
         return guess
     except InputError as error:
         if guess.gripper is None:
-            raise
+            raise InputError(f"{guess.file}: {error.reason}", error.code) from error
         bare = replace(guess, gripper=None, notes=guess.notes | {"gripper": (f"left out: {error.reason}",)})
         draft_model(bare)
         return bare
