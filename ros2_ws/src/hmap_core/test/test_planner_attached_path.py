@@ -14,7 +14,7 @@ from hmap_core.planner.attached_path import attached_paths, with_hand
 from hmap_core.planner.conflicts import object_clearances
 from hmap_core.planner.contact_filters import AttachedPathContact, NoToolGrasps
 from hmap_core.planner.interfaces import AttachedPath
-from hmap_core.transforms import pose
+from hmap_core.transforms import multiply, pose
 from hmap_core.types import Body, BodyKind, ContactKind, Shape, ShapeKind
 from hmap_core.waypoints import NoObjectPath
 
@@ -113,3 +113,14 @@ def test_removable_bodies_are_told_apart_from_others(scene, hands):
     found = list(attached_paths(planner, scene, scene.start_state(), scene.goal, hands[:1] * 3, rng, 10.0))
     assert [path.blockers for path in found] == [("lid",)]
     assert found[0].poses is free
+
+
+def test_a_removable_body_where_the_hand_begins_blocks_the_path_and_ends_nothing(scene, hands):
+    """The path leads as without the body, which is named."""
+    robot, contact = hands[0]
+    palm = multiply(multiply(scene.bodies["brick"].pose, contact.T_obj_ee), pose((0.0, 0.0, -0.06)))
+    lamp = box("lamp", (0.01, 0.01, 0.01), palm[:3], BodyKind.MOVABLE)
+    with_lamp = {"bodies": scene.bodies | {"lamp": lamp}, "removable": {"lamp": None}}
+    (path,), (free,) = paths(scene, [(robot, contact)], **with_lamp), paths(scene, [(robot, contact)])
+    assert path.blockers == ("lamp",) and free.blockers == ()
+    np.testing.assert_array_equal(path.poses, free.poses)

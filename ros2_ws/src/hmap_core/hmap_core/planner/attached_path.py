@@ -11,13 +11,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from hmap_core.collision.convex import set_distance
 from hmap_core.exceptions import InputError
 from hmap_core.kinematics.arm import load_arm
-from hmap_core.komo.shapes import box_round
+from hmap_core.komo.shapes import body_set, box_round
 from hmap_core.planner.interfaces import AttachedPath
+from hmap_core.planner.obstruction import without
 from hmap_core.planner.protocols import ObjectPathPlanner, ObjectPathQuery
 from hmap_core.types import Body, ContactPoint, Goal, Robot, Scene, SceneState
 from hmap_core.waypoints import NoObjectPath
+from hmap_core.waypoints.checker import PENETRATION_ALLOWED
 
 CHECKS = 2000  # motions for one of them, unless told; those that are found take some hundred
 
@@ -41,6 +44,8 @@ def attached_paths(
 ) -> Iterator[AttachedPath]:
     """Yield paths of an object to its goal, one for each hand with which there is one.
 
+    Removable bodies that the hand would be in at the start count as blockers of the path.
+
     Args:
         planner: plans the path of the object with the hand attached.
         scene, state: the world, and where everything is.
@@ -54,14 +59,27 @@ def attached_paths(
     object, body = goal.object, scene.bodies[goal.object]
     for robot, contact in hands:
         joined = with_hand(body, scene.robots[robot], contact)
-        around = replace(scene, motion=motion, bodies=scene.bodies | {object: joined})
+        beside = _removable_in(scene, state, joined, state.poses[object])
+        around = replace(without(scene, beside), motion=motion)
+        around = replace(around, bodies=around.bodies | {object: joined})
         seed = int(rng.integers(2**31 - 1))
         try:
             query = ObjectPathQuery(around, state, goal, seed, time_limit, checks)
             poses = planner.plan_path(query).poses
-            yield AttachedPath(object, poses, robot, contact)
+            yield AttachedPath(object, poses, robot, contact, beside)
         except NoObjectPath as error:
             if error.free_without and error.path_without is not None:
-                yield AttachedPath(object, error.path_without.poses, robot, contact, error.free_without)
+                yield AttachedPath(object, error.path_without.poses, robot, contact, (*beside, *error.free_without))
         except InputError:
             continue  # a box round a link is larger than the link
+
+
+def _removable_in(scene: Scene, state: SceneState, joined: Body, T: np.ndarray) -> tuple[str, ...]:
+    """Removable bodies that an object with a hand attached penetrates at a pose T (7,)."""
+    own = body_set(joined)
+    return tuple(
+        name
+        for name in scene.removable
+        if name != joined.name
+        and set_distance(own, T, body_set(scene.bodies[name]), state.poses[name]) < -PENETRATION_ALLOWED
+    )

@@ -6,7 +6,7 @@ from hmap_core.benchmark.generality.cell import ORANGE, Cell, Sampler
 from hmap_core.benchmark.generality.family import solvable
 
 GREEN = (0.2, 0.5, 0.3, 1.0)
-THICK = 0.022  # m, of tools
+THICK = 0.022  # m, of the rake; sticks are longer by 0.07 m than what is in the tunnel at the end, for the hand
 
 
 def rake_under_shelf(cell: Cell, draw: Sampler) -> None:
@@ -38,7 +38,7 @@ def rake_under_shelf(cell: Cell, draw: Sampler) -> None:
 def stick_in_holder(cell: Cell, draw: Sampler) -> None:
     """Push a block out of a tunnel with a stick that stands in a holder."""
     width, side = draw.uniform(0.04, 0.05), draw.side()
-    room, length = draw.uniform(0.006, 0.01), draw.uniform(0.2, 0.26)
+    room, length = draw.uniform(0.006, 0.01), draw.uniform(0.16, 0.2)
     x, y = draw.uniform(0.48, 0.54), side * draw.uniform(0.0, 0.04)
     cell.table().panda()
     values = {"length": length, "inner_width": width + 2 * room, "height": width + 0.012, "wall": 0.015, "roof": 0.02}
@@ -62,12 +62,12 @@ def add_holder(cell: Cell, width: float, at: tuple[float, float]) -> None:
 def stick_into_tunnel(cell: Cell, draw: Sampler) -> None:
     """Push a block out of a tunnel with a stick that lies on the table."""
     width, side = draw.uniform(0.04, 0.055), draw.side()
-    room, length = draw.uniform(0.006, 0.01), draw.uniform(0.2, 0.26)
+    room, length = draw.uniform(0.006, 0.01), draw.uniform(0.18, 0.22)
     x, y = draw.uniform(0.48, 0.54), side * draw.uniform(0.0, 0.04)
     cell.table().panda()
     values = {"length": length, "inner_width": width + 2 * room, "height": width + 0.015, "wall": 0.015, "roof": 0.02}
     cell.add_object("tunnel", "tunnel", {"xyz": [x, y, 0.0], "rpy_deg": [0.0, 0.0, 90.0]}, values=values)
-    stick, long = draw.uniform(0.03, width), draw.uniform(0.3, 0.36)
+    stick, long = draw.uniform(0.03, width), draw.uniform(0.34, 0.38)
     at = (draw.uniform(0.3, 0.36), -side * draw.uniform(0.25, 0.35))
     options: dict[str, Any] = {"tool": True, "movable": False, "mass": 0.15, "friction": 0.9, "color": GREEN}
     cell.block("stick", (stick, long, stick), at, yaw=draw.angle(-20, 20), **options)
