@@ -72,7 +72,7 @@ class ManipulationGraph:
         self.nodes, self._grasps, self._rng, self._carried = placements, grasps, rng, carried
         self.reached = {START: start}
         self._edges: dict[tuple[int, int], Edge] = {}
-        self._known: dict[int, list[np.ndarray]] = {}  # which grasps serve at a node, for each robot
+        self._known: dict[int, np.ndarray] = {}  # which grasps of all robots serve at a node
         n = len(placements)
         price = np.array([placement.cost for placement in placements])
         self._cost = np.full((n, n), GRASP_COST) + price[None]  # optimistic until an edge is looked at
@@ -178,13 +178,16 @@ class ManipulationGraph:
 
     def _learn(self, node: int) -> None:
         """Find the grasps that serve at a node, and the cost of its edges with all other nodes that are known."""
-        served = [grasp.serves(self.nodes[node].pose) for grasp in self._grasps]
-        for other, theirs in self._known.items():
-            common = sum(int((a & b).sum()) for a, b in zip(served, theirs, strict=True))
+        served = np.concatenate([grasp.serves(self.nodes[node].pose) for grasp in self._grasps] or [np.zeros(0, bool)])
+        others = list(self._known)
+        common = (
+            np.array([self._known[other] for other in others]).reshape(len(others), len(served)).astype(int) @ served
+        )
+        for other, number in zip(others, common.tolist(), strict=True):
             for edge in ((other, node), (node, other)):
-                if np.isfinite(self._cost[edge]):
-                    self._edges[edge] = Edge(sliding=common == 0)
-                    self._cost[edge] = self._grasp_cost(edge, common) if common else self._sliding_cost(edge)
+                if self._cost[edge] < np.inf:
+                    self._edges[edge] = Edge(sliding=number == 0)
+                    self._cost[edge] = self._grasp_cost(edge, number) if number else self._sliding_cost(edge)
         self._known[node] = served
 
     def _grasp_cost(self, edge: tuple[int, int], common: int) -> float:
@@ -195,7 +198,7 @@ class ManipulationGraph:
         a, b = (self.nodes[k] for k in edge)
         tried_before = edge == (START, GOAL)  # by the strategies for one object path
         if tried_before or self._slides[edge[0]] >= SLIDES_TRIED or not a.slides_to(b):
-            return np.inf
+            return float("inf")
         way = float(np.linalg.norm(a.pose[:2] - b.pose[:2]))
         turn = 2.0 * float(np.arccos(min(1.0, abs(float(a.pose[3:] @ b.pose[3:])))))
         return SLIDE_COST + SLIDE_WEIGHT * way + TURN_WEIGHT * turn + self._price[edge[1]] + float(self._more[edge])

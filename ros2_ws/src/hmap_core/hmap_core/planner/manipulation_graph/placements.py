@@ -53,8 +53,9 @@ class Placement:
 
     def slides_to(self, other: "Placement") -> bool:
         """Whether both have the same height and tilt, so that the object may be pushed from one to the other."""
-        level = abs(self.pose[2] - other.pose[2]) < SAME_HEIGHT
-        return bool(level and np.abs(self.up - other.up).max() < SAME_TILT)
+        if abs(float(self.pose[2]) - float(other.pose[2])) >= SAME_HEIGHT:
+            return False
+        return bool(np.abs(self.up - other.up).max() < SAME_TILT)
 
 
 def carried_between(scene: Scene, state: SceneState, object: str, a: Placement, b: Placement) -> bool:
