@@ -1,6 +1,7 @@
 """What is said of an object that no hand can take in some place."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,9 +9,13 @@ from simulation_fixtures import box, scene
 
 from hmap_core import planner
 from hmap_core.contacts.grip_width import grip_problem, narrowest
-from hmap_core.exceptions import Code, HmapError
+from hmap_core.exceptions import Code, ContactError, HmapError
 from hmap_core.planner.diagnosis import hand_fits, why_no_contact, why_not_moved
+from hmap_core.planner.hmap_planner import HmapPlanner, PlanningJob
 from hmap_core.planner.preconditions import check_grip
+from hmap_core.planner.reachability import check_start
+from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
+from hmap_core.planner.tasks import PathTask
 from hmap_core.transforms import pose
 from hmap_core.types import Body, BodyKind, Goal, Shape, ShapeKind
 
@@ -91,6 +96,16 @@ def test_an_object_that_no_hand_can_move_from_its_start_is_refused_in_the_first_
     assert "from its start" in error.value.reason and "opens 78 mm" in error.value.reason
     rounds = [attempt["what"] for attempt in error.value.search["tried"]]
     assert [what for what in rounds if what.startswith("round")] == rounds[:1]
+
+
+def test_obstacles_that_no_gripper_holds_are_told_too():
+    made = in_niche("back", "left", "right")
+    plug = box("plug", WIDE, (0.39, 0.0, 0.045))
+    made = replace(made, bodies=made.bodies | {"plug": plug}, removable={"plug": None})
+    job = PlanningJob(HmapPlanner(), replace(made, goal=Goal("cube", pose((0.4, 0.3, 0.045)))))
+    job.context.record.failed(ContactError("none"))
+    with pytest.raises(ContactError, match="even without 'plug': .*; no gripper holds 'plug', which is 90 mm wide"):
+        check_start(job.context, PathTask(Subgoal(job.scene.goal), SolutionSequence(job.start), 0, False))
 
 
 def test_the_hand_fits_on_what_stands_free_only():

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hmap_core.contacts.grip_width import grip_problem
 from hmap_core.contacts.push_path import final_pushes
 from hmap_core.exceptions import Code, ContactError
 from hmap_core.planner.context import SearchContext
@@ -68,10 +69,11 @@ def check_start(context: SearchContext, task: PathTask) -> None:
     if tools_of(bare, object) or hand_fits(bare, start, object):
         return
     place = ", ".join(f"{v:.3f}" for v in start.poses[object][:3])
-    raise ContactError(
-        f"no contact can move '{object}' from its start at ({place}): {why_not_moved(bare, start, object)}",
-        Code.NO_CONTACT,
-    )
+    obstacles = [name for name in scene.removable if name != object]
+    even = f", even without {', '.join(repr(name) for name in obstacles)}" if obstacles else ""
+    too_wide = filter(None, (grip_problem(scene, name, scene.robots) for name in obstacles))
+    reasons = "; ".join((why_not_moved(bare, start, object), *too_wide))
+    raise ContactError(f"no contact can move '{object}' from its start at ({place}){even}: {reasons}", Code.NO_CONTACT)
 
 
 def _ways_in(context: SearchContext, object: str, last_poses: np.ndarray) -> list[np.ndarray]:

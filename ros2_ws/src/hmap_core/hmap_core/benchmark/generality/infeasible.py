@@ -89,7 +89,7 @@ def immovable_obstacle(cell: Cell, draw: Sampler) -> None:
 
 
 def stuck_obstacle(cell: Cell, draw: Sampler) -> None:
-    """A removable plug fills the only door of a room, and no gripper can hold it or push it away."""
+    """A removable plug fills a room so deep that no hand reaches what is behind it; nothing can pull the plug out."""
     width, plug = draw.uniform(0.045, 0.055), draw.uniform(0.09, 0.105)
     x, gap = draw.uniform(0.44, 0.5), draw.uniform(0.002, 0.004)
     deep, inner, high = plug + width + 0.03, plug + 2 * gap, plug + gap
@@ -132,7 +132,7 @@ FAMILIES = (
     refused(too_wide_in_niche, *NO_HAND, reason=r"cube.*\d+ mm.*(gripper|opens|opening)"),
     refused(gap_too_narrow, Code.NO_OBJECT_PATH, reason="cube"),
     refused(immovable_obstacle, Code.NO_OBJECT_PATH, reason="cube"),
-    refused(stuck_obstacle, *NO_HAND, reason="plug"),
+    refused(stuck_obstacle, *NO_HAND, reason="plug.* mm"),
     refused(goal_in_wall, Code.GOAL_IN_COLLISION, reason=r"block.*wall.*mm|block.*mm.*wall"),
     refused(no_gripper, *NO_HAND, reason="gripper"),
 )
