@@ -71,8 +71,8 @@ def check_start(context: SearchContext, task: PathTask) -> None:
     place = ", ".join(f"{v:.3f}" for v in start.poses[object][:3])
     obstacles = [name for name in scene.removable if name != object]
     even = f", even without {', '.join(repr(name) for name in obstacles)}" if obstacles else ""
-    too_wide = filter(None, (grip_problem(scene, name, scene.robots) for name in obstacles))
-    reasons = "; ".join((why_not_moved(bare, start, object), *too_wide))
+    ungrippable = filter(None, (grip_problem(scene, name, scene.robots) for name in obstacles))
+    reasons = "; ".join((why_not_moved(bare, start, object), *ungrippable))
     raise ContactError(f"no contact can move '{object}' from its start at ({place}){even}: {reasons}", Code.NO_CONTACT)
 
 
