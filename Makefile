@@ -18,7 +18,7 @@ INTERFACE_FILES := $(shell find $(SOURCES)/hmap_msgs $(SOURCES)/compat -type f) 
 CORE_FILES := $(shell find $(SOURCES)/hmap_core/hmap_core -name '*.py')
 
 .DELETE_ON_ERROR:
-.PHONY: setup demo test bench bench-startup lint lock clean
+.PHONY: setup demo test fuzz bench bench-startup lint lock clean
 
 setup: $(STAMPS)/packages $(STAMPS)/precompiled
 
@@ -27,6 +27,10 @@ demo: setup
 
 test: setup lint
 	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/pytest $(PYTEST_ARGS)
+
+# More of what `make test` does for some seconds: random faults in everything that comes from outside.
+fuzz: setup
+	HMAP_FUZZ_SECONDS=120 HMAP_FUZZ_SEED=$$(date +%s) $(VENV)/bin/pytest tests/fuzz
 
 bench: setup
 	$(PIP) install --quiet --no-deps robotic==0.4.2

@@ -144,8 +144,19 @@ def statistics_to_messages(statistics: Mapping[str, Any]) -> list[KeyValue]:
 
 
 def statistics_from_messages(messages: Iterable[KeyValue]) -> dict[str, Any]:
-    """Convert to the dict that :func:`statistics_to_messages` takes."""
-    return {message.key: json.loads(message.value) for message in messages}
+    """Convert to the dict that :func:`statistics_to_messages` takes.
+
+    Raises:
+        ConversionError: a value is no JSON.
+    """
+    return {message.key: _statistic(message) for message in messages}
+
+
+def _statistic(message: KeyValue) -> Any:
+    try:
+        return json.loads(message.value)
+    except (ValueError, RecursionError) as error:
+        raise ConversionError(f"statistic {message.key!r}: {message.value[:40]!r} is no JSON: {error}") from error
 
 
 def plan_to_message(plan: Mapping[str, Any], stamp: Time | None = None) -> Plan:

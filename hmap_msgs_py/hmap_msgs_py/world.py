@@ -39,7 +39,7 @@ def scene_from_message(message: Scene) -> dict:
     """
     try:
         definition = json.loads(message.text)
-    except json.JSONDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise ConversionError(f"the text of scene {message.task!r} is not JSON: {error}") from None
     if not isinstance(definition, dict):
         given = type(definition).__name__
