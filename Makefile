@@ -1,5 +1,6 @@
 # make demo   sets everything up and runs the tunnel task with the whole node graph
 # make test   sets everything up and runs all tests
+# make fuzz   more random faults in everything that comes from outside
 # make lint   checks style (ruff) and types (mypy)
 # make bench  measures the optimiser against RAI's, which it installs (needs the system's liblapack3)
 # make bench-startup  measures how long the command and the graph of nodes take to start
