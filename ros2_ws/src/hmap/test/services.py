@@ -1,5 +1,6 @@
 """The planners' services, answered in this process by what the nodes do."""
 
+import logging
 from functools import partial
 from types import SimpleNamespace
 
@@ -27,9 +28,10 @@ class Serving:
 
     def __init__(self):
         checker = LocalContactChecker()
-        paths = SimpleNamespace(_planner=BidirectionalSearch(), _time_limit=LIMIT)
-        contacts = SimpleNamespace(_proposers=proposers(None), _checker=checker, _time_limit=LIMIT, _count=40)
-        motions = SimpleNamespace(_checker=checker, _segments=KomoSegmentPlanner(), _time_limit=LIMIT)
+        node = {"get_logger": lambda: logging.getLogger(__name__)}
+        paths = SimpleNamespace(_planner=BidirectionalSearch(), _time_limit=LIMIT, **node)
+        contacts = SimpleNamespace(_proposers=proposers(None), _checker=checker, _time_limit=LIMIT, _count=40, **node)
+        motions = SimpleNamespace(_checker=checker, _segments=KomoSegmentPlanner(), _time_limit=LIMIT, **node)
         self._handlers = {
             "plan_waypoints": partial(WaypointPlanner._plan, paths),
             "propose_contacts": partial(ContactProposerNode._propose, contacts),

@@ -13,11 +13,12 @@ from hmap_core.planner.sampled_contacts import SampledContacts
 
 
 class LastFirst:
-    """Proposes the sampled contacts in the opposite order, with a confidence."""
+    """Proposes the last few of each batch of sampled contacts in the opposite order, with a confidence."""
 
     def propose(self, query):
         for batch in SampledContacts().propose(query):
-            yield ContactProposals(batch.contacts[::-1], tuple(np.linspace(0.0, 1.0, len(batch))[::-1]))
+            last = batch.contacts[:-10:-1]
+            yield ContactProposals(last, tuple(np.linspace(1.0, 0.0, len(last))))
 
 
 class Detour:
