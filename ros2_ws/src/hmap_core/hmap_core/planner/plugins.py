@@ -5,6 +5,7 @@ part. A name may carry an argument after a colon, as in ``ompl:RRTConnect``: the
 Nothing is imported before it is chosen.
 """
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -86,11 +87,18 @@ def plugins(group: str) -> dict[str, Plugin]:
         name: Plugin(group, name, "hmap_core", __version__, partial(_attribute, value))
         for name, value in _BUILT_IN[group].items()
     }
+    return found | _installed(group, tuple(sys.path)) | _registered[group]
+
+
+@lru_cache
+def _installed(group: str, path: tuple[str, ...]) -> dict[str, Plugin]:
+    """Parts from entry points of what is installed on ``path``, which is ``sys.path``: reading it takes 10 ms."""
+    found = {}
     for entry in entry_points(group=group):
         distribution = entry.dist
         origin = (distribution.name, distribution.version) if distribution else (entry.module, "")
         found[entry.name] = Plugin(group, entry.name, *origin, entry.load)
-    return found | _registered[group]
+    return found
 
 
 def create(group: str, name: str) -> Any:
