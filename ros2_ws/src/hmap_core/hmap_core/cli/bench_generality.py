@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from itertools import groupby
 from pathlib import Path
 
-from hmap_core.cli.bench_tasks import TrialProgress, make_folder
-from hmap_core.cli.main import count, natural, positive
+from hmap_core.cli.bench_tasks import TrialProgress, add_trial_arguments, make_folder
+from hmap_core.cli.main import count, natural
 from hmap_core.cli.plan import check_writable
-from hmap_core.evaluation.trial import DEFAULT_REPLANS, Trial
+from hmap_core.evaluation.trial import Trial
 
 HELP = "generate tasks of many kinds, plan, judge and execute them, and say how many are solved and why others are not"
 SEEDS = 25
@@ -26,12 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--list", action="store_true", help="print the families and what their tasks are, and stop")
     parser.add_argument("--seeds", type=count, default=SEEDS, metavar="N", help=f"tasks of each family ({SEEDS})")
     parser.add_argument("--first-seed", type=natural, default=0, metavar="S", help="seed of the first of them (0)")
-    limit = f"for each planning ({TIME_LIMIT:g})"
-    parser.add_argument("--time-limit", type=positive, default=TIME_LIMIT, metavar="SECONDS", help=limit)
-    replans = f"new plans that an execution may ask for ({DEFAULT_REPLANS})"
-    parser.add_argument("--replans", type=natural, default=DEFAULT_REPLANS, metavar="N", help=replans)
-    parser.add_argument("--jobs", type=count, metavar="J", help="trials at once (one on each core)")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file, too")
+    add_trial_arguments(parser, TIME_LIMIT)
     text = "write generality.json and generality.md (tables) to this folder"
     parser.add_argument("--out", type=Path, metavar="DIR", help=text)
     text = "keep the task files in this folder, for `hmap plan DIR/FAMILY-SEED.yaml --seed SEED`"

@@ -23,16 +23,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--published", action="store_true", help="the tasks with the published geometry")
     parser.add_argument("--seeds", type=count, default=SEEDS, metavar="N", help=f"how many for each task ({SEEDS})")
     parser.add_argument("--first-seed", type=natural, default=0, metavar="S", help="the first of them (0)")
-    limit = f"for each planning ({DEFAULT_TIME_LIMIT:g})"
-    parser.add_argument("--time-limit", type=positive, default=DEFAULT_TIME_LIMIT, metavar="SECONDS", help=limit)
-    replans = f"new plans that an execution may ask for ({DEFAULT_REPLANS})"
-    parser.add_argument("--replans", type=natural, default=DEFAULT_REPLANS, metavar="N", help=replans)
-    parser.add_argument("--jobs", type=count, metavar="J", help="trials at once (one on each core)")
+    add_trial_arguments(parser, DEFAULT_TIME_LIMIT)
     parser.add_argument("--dask", metavar="ADDRESS", help="do them on the cluster of this Dask scheduler")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file, too")
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="write tasks.json, tasks.md and tasks.png to this folder"
     )
+
+
+def add_trial_arguments(parser: argparse.ArgumentParser, time_limit: float) -> None:
+    """Add the options that all measurements by trials have; ``time_limit`` in s is the default."""
+    limit = f"for each planning ({time_limit:g})"
+    parser.add_argument("--time-limit", type=positive, default=time_limit, metavar="SECONDS", help=limit)
+    replans = f"new plans that an execution may ask for ({DEFAULT_REPLANS})"
+    parser.add_argument("--replans", type=natural, default=DEFAULT_REPLANS, metavar="N", help=replans)
+    parser.add_argument("--jobs", type=count, metavar="J", help="trials at once (one on each core)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file, too")
 
 
 def run(arguments: argparse.Namespace) -> int:

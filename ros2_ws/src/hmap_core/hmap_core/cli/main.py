@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from importlib.metadata import entry_points
 from types import ModuleType
@@ -50,6 +50,17 @@ def _parse(argv: list[str]) -> argparse.Namespace:
 
 def _module_names() -> dict[str, str]:
     return BUILT_IN | {entry.name: entry.value for entry in entry_points(group=ENTRY_POINTS)}
+
+
+def add_kinds(parser: argparse.ArgumentParser, modules: Mapping[str, ModuleType]) -> None:
+    """Add a sub-command for each module, which has HELP, add_arguments and run; the chosen one is ``kind``."""
+    kinds = parser.add_subparsers(metavar="WHAT", required=True)
+    for name, module in modules.items():
+        kind = kinds.add_parser(name, help=module.HELP, description=module.HELP)
+        # the option is allowed after WHAT, too; without it, the value given before WHAT is kept
+        kind.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help="show the trace of an error")
+        module.add_arguments(kind)
+        kind.set_defaults(kind=module)
 
 
 def seed_argument(parser: argparse.ArgumentParser) -> None:

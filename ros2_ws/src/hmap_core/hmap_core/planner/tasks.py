@@ -41,6 +41,11 @@ class PathTask:
         """Name of the object."""
         return self.subgoal.goal.object
 
+    @property
+    def may_change_contacts(self) -> bool:
+        """Whether the task is physical, and several contacts may be used."""
+        return not self.subgoal.whole and not self.kinematic
+
     def require_ready(self) -> SolutionSequence:
         """The sequence once obstacles were removed from the last path.
 

@@ -1,5 +1,6 @@
 """Families of tasks that need a tool, because no hand fits where the object is."""
 
+from collections.abc import Callable
 from typing import Any
 
 from hmap_core.benchmark.generality.cell import ORANGE, Cell, Sampler
@@ -38,19 +39,32 @@ def rake_under_shelf(cell: Cell, draw: Sampler) -> None:
 def stick_in_holder(cell: Cell, draw: Sampler) -> None:
     """Push a block out of a tunnel with a stick that stands in a holder."""
     width, side = draw.uniform(0.04, 0.05), draw.side()
-    room, length = draw.uniform(0.006, 0.01), draw.uniform(0.16, 0.2)
-    x, y = draw.uniform(0.48, 0.54), side * draw.uniform(0.0, 0.04)
     cell.table().panda()
-    values = {"length": length, "inner_width": width + 2 * room, "height": width + 0.012, "wall": 0.015, "roof": 0.02}
-    cell.add_object("tunnel", "tunnel", {"xyz": [x, y, 0.0], "rpy_deg": [0.0, 0.0, 90.0]}, values=values)
+    add_block = tunnel(cell, draw, width, side, lengths=(0.16, 0.2), headroom=0.012)
     stick, tall = draw.uniform(0.024, 0.03), draw.uniform(0.3, 0.34)
     holder = (draw.uniform(0.36, 0.42), -side * draw.uniform(0.3, 0.36))
     add_holder(cell, stick, holder)
     cell.block("stick", (stick, stick, tall), holder, tool=True, movable=False, mass=0.12, friction=0.9, color=GREEN)
-    start = (x, y - side * draw.uniform(0.0, 0.03))
-    goal = (x, y + side * (length / 2 + width / 2 + draw.uniform(0.01, 0.03)))
-    cell.block("block", (width, width, width), start, mass=0.12, friction=0.5, color=ORANGE)
-    cell.goal("block", goal, width / 2, tolerance=0.01, degrees=5.0)
+    add_block(mass=0.12)
+
+
+def tunnel(
+    cell: Cell, draw: Sampler, width: float, side: int, lengths: tuple[float, float], headroom: float
+) -> Callable[..., None]:
+    """Add a tunnel for a block of a width; returns what adds the block (``mass`` in kg) in it, and its goal outside."""
+    room, length = draw.uniform(0.006, 0.01), draw.uniform(*lengths)
+    x, y = draw.uniform(0.48, 0.54), side * draw.uniform(0.0, 0.04)
+    height = width + headroom
+    values = {"length": length, "inner_width": width + 2 * room, "height": height, "wall": 0.015, "roof": 0.02}
+    cell.add_object("tunnel", "tunnel", {"xyz": [x, y, 0.0], "rpy_deg": [0.0, 0.0, 90.0]}, values=values)
+
+    def add_block(mass: float) -> None:
+        start = (x, y - side * draw.uniform(0.0, 0.03))
+        goal = (x, y + side * (length / 2 + width / 2 + draw.uniform(0.01, 0.03)))
+        cell.block("block", (width, width, width), start, mass=mass, friction=0.5, color=ORANGE)
+        cell.goal("block", goal, width / 2, tolerance=0.01, degrees=5.0)
+
+    return add_block
 
 
 def add_holder(cell: Cell, width: float, at: tuple[float, float]) -> None:
@@ -62,19 +76,13 @@ def add_holder(cell: Cell, width: float, at: tuple[float, float]) -> None:
 def stick_into_tunnel(cell: Cell, draw: Sampler) -> None:
     """Push a block out of a tunnel with a stick that lies on the table."""
     width, side = draw.uniform(0.04, 0.055), draw.side()
-    room, length = draw.uniform(0.006, 0.01), draw.uniform(0.18, 0.22)
-    x, y = draw.uniform(0.48, 0.54), side * draw.uniform(0.0, 0.04)
     cell.table().panda()
-    values = {"length": length, "inner_width": width + 2 * room, "height": width + 0.015, "wall": 0.015, "roof": 0.02}
-    cell.add_object("tunnel", "tunnel", {"xyz": [x, y, 0.0], "rpy_deg": [0.0, 0.0, 90.0]}, values=values)
+    add_block = tunnel(cell, draw, width, side, lengths=(0.18, 0.22), headroom=0.015)
     stick, long = draw.uniform(0.03, width), draw.uniform(0.34, 0.38)
     at = (draw.uniform(0.3, 0.36), -side * draw.uniform(0.25, 0.35))
     options: dict[str, Any] = {"tool": True, "movable": False, "mass": 0.15, "friction": 0.9, "color": GREEN}
     cell.block("stick", (stick, long, stick), at, yaw=draw.angle(-20, 20), **options)
-    start = (x, y - side * draw.uniform(0.0, 0.03))
-    goal = (x, y + side * (length / 2 + width / 2 + draw.uniform(0.01, 0.03)))
-    cell.block("block", (width, width, width), start, mass=0.15, friction=0.5, color=ORANGE)
-    cell.goal("block", goal, width / 2, tolerance=0.01, degrees=5.0)
+    add_block(mass=0.15)
 
 
 FAMILIES = solvable(rake_under_shelf, stick_in_holder, stick_into_tunnel)

@@ -33,7 +33,7 @@ class ManipulationGraphStrategy:
 
     def applies(self, task: PathTask) -> bool:
         """Whether the task is physical, about the task's own object, and several contacts may be used."""
-        return task.subgoal.depth == 0 and task.number < ROUNDS and not task.subgoal.whole and not task.kinematic
+        return task.subgoal.depth == 0 and task.number < ROUNDS and task.may_change_contacts
 
     def solve(self, search: "Search", task: PathTask) -> Outcome:
         """Plan edges on the cheapest way to the goal until it is reached, or no way is left."""
