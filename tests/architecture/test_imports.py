@@ -36,6 +36,7 @@ LAYERS = (
         "exceptions",
         "garbage",
         "lazy",
+        "obj_text",
         "transforms",
     },
     {"types"},

@@ -23,6 +23,29 @@ WORDS = (
     "-1",
 )
 NUMBERS = (0, -1, 1, 3, 1e-12, -1e-3, 1e9, -1e300, 10**30, float("nan"), float("inf"), float("-inf"))
+PIECES = (
+    *(
+        b"",
+        b" ",
+        b"\n",
+        b"\\\n",
+        b"\t",
+        b"#",
+        b"/",
+        b"//",
+        b"f ",
+        b"v ",
+        b"-",
+        b".",
+        b"e",
+        b"e9",
+        b"_",
+        b"1",
+        b"9",
+        b"-1",
+    ),
+    *(b"-1", b"0,5", b"nan", b"inf", b"1e400", b"0 0 0", b"\x00", b"\x0c", b"\xff", b"\xe2\x80\xa8", b"\xd9\xa3"),
+)
 OTHERS = (None, True, False, [], {}, [0], [[]], {"": 0}, [1, 2, 3], {"x": None})
 
 
@@ -32,6 +55,17 @@ def mutated(document: Any, rng: random.Random) -> Any:
     for _ in range(rng.randint(1, 3)):
         _damage(document, rng)
     return document
+
+
+def damaged_bytes(content: bytes, rng: random.Random) -> bytes:
+    """A copy of a file with one to three places cut out, overwritten, or filled with something of it."""
+    for _ in range(rng.randint(1, 3)):
+        start = rng.randrange(len(content) + 1)
+        end = start + rng.choice((0, 1, 1, 2, rng.randint(0, 40)))
+        other = rng.randrange(len(content) + 1)
+        piece = rng.choice((*PIECES, content[other : other + 40]))
+        content = content[:start] + piece + content[end:]
+    return content
 
 
 def _damage(document: Any, rng: random.Random) -> None:

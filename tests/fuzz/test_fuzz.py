@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mutate import mutated
+import trimesh
+from mutate import damaged_bytes, mutated
 from ruamel.yaml import YAML
 
 from hmap.conversions import (
@@ -30,11 +31,14 @@ from hmap.conversions import (
 )
 from hmap_core import plan_file, planner
 from hmap_core.exceptions import HmapError
+from hmap_core.mesh_files import read_hull
 from hmap_core.planner.preconditions import check_bodies
 from hmap_core.robot_description import load_robot_description
 from hmap_core.scenes import load_scene
 from hmap_core.scenes.resources import package_path
 from hmap_core.validation import check
+from hmap_core.validation.files import mesh_points
+from hmap_core.validation.geometry import hull
 from hmap_msgs.msg import Body as BodyMessage
 from hmap_msgs_py.bodies import body_to_message
 from hmap_msgs_py.checks import ConversionError
@@ -139,6 +143,59 @@ def test_robot_descriptions(tmp_path):
         load_robot_description(file).require_valid()
 
     fuzz("robot descriptions", attempt)
+
+
+# a textured prism beside a tetrahedron with indices from behind, as several programs write them
+OBJ = b"""# two bodies
+mtllib none.mtl
+o prism
+v 0 0 0
+v 0.1 0 0 0.2 0.2 0.2
+v 0.1 0.2 0
+v 0 0.2 0
+v 0 0 3e-1
+v 0.1 0 0.3
+vt 0 0
+vt 1 0
+vn 0 0 -1
+usemtl stone
+f 1/1/1 4/2/1 3/1/1 2/2/1
+f 1//1 2//1 6//1 5//1
+f 4 5 6 3
+f 1 5 4 # a triangle
+f 2 3 \\
+6
+o tip
+v 1 1 1
+v 1.1\t1 1
+v 1 1.1 1
+v 1 1 1.2
+f -4 -3 -2
+f -4 -2 -1
+f\t-3 -1 -2
+f -4 -1 -3
+"""
+
+
+def test_mesh_files(tmp_path):
+    ball = trimesh.creation.icosphere(1, 0.1)
+    contents = {kind: ball.export(file_type=kind) for kind in ("stl", "stl_ascii", "ply", "dae", "glb", "off")}
+    contents = {kind: data.encode() if isinstance(data, str) else data for kind, data in contents.items()}
+    contents |= {"obj": OBJ, "obj_ball": ball.export(file_type="obj").encode()}
+
+    def attempt(rng):
+        kind = rng.choice((*contents, "obj", "obj"))  # of OBJ files the two readers are all our own
+        file = tmp_path / f"mesh.{kind.partition('_')[0]}"
+        file.write_bytes(damaged_bytes(contents[kind], rng))
+        planned = read_hull(file).vertices
+        try:
+            judged = hull(mesh_points(file), file.name).points
+        except ERRORS as error:
+            raise AssertionError(f"{kind}: only the judge refuses it: {error}") from error
+        ends = [[points.min(axis=0), points.max(axis=0)] for points in (planned, judged)]
+        np.testing.assert_allclose(*ends, rtol=1e-5, atol=1e-7, err_msg=kind)
+
+    fuzz("mesh files", attempt)
 
 
 def test_plan_files_for_the_judge(plan):

@@ -4,8 +4,10 @@ The judge has a reader of its own (:mod:`hmap_core.validation.files`).
 """
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
+from io import StringIO
 from pathlib import Path
 from xml.parsers import expat
 
@@ -13,8 +15,10 @@ import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull, QhullError
 
+from hmap_core import obj_text
 from hmap_core.array_cache import kept_arrays
 from hmap_core.exceptions import Code, InputError
+from hmap_core.obj_text import DamagedLine, clean_obj
 
 FORMATS = (".stl", ".obj", ".dae", ".glb", ".gltf", ".ply", ".off")
 MIN_FACES = 4  # faces of a surface that encloses a volume
@@ -25,6 +29,7 @@ MAX_HULL_VERTICES = (
     8192  # of a hull; larger ones are simplified. Indices of vertices have 16 bits in the collision checks
 )
 FILES_KEPT = 16384  # whose hulls a process keeps; a decomposed body has one for each of its parts
+READERS = Path(obj_text.__file__).read_bytes()  # what meshes depend on beside this file
 CHUNK = 256  # directions at once in the computation of support points
 
 logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # its readers log the traces of errors that they get over
@@ -106,7 +111,7 @@ def _hull(path: Path, _changed: int, _size: int) -> MeshHull:
         vertices, (fill, notes) = compute()
     else:
         try:
-            inputs = path.suffix.lower().encode(), path.read_bytes()
+            inputs = READERS, path.suffix.lower().encode(), path.read_bytes()
         except OSError as error:
             raise _unusable(path, f"cannot be read: {error.strerror}") from error
         vertices, (fill, notes) = kept_arrays(__file__, inputs, ("numpy", "scipy", "trimesh"), compute)
@@ -124,15 +129,19 @@ def _read(path: Path) -> tuple["trimesh.Trimesh", int]:
         raise _unusable(path, f"is of an unknown format; allowed: {', '.join(FORMATS)}")
     unit, notes = _collada_asset(path) if path.suffix.lower() == ".dae" else (1.0, 0)
     try:
-        finite = bool(np.isfinite(trimesh.load_mesh(path, process=False).vertices).all())
-        mesh = trimesh.load_mesh(path)  # drops vertices that are not finite, and their faces
+        load = _loader(path)
+        finite = bool(np.isfinite(load(process=False).vertices).all())
+        mesh = load(process=True)  # drops vertices that are not finite, and their faces
         if mesh.vertices.shape[1:] != (3,):
             raise ValueError("its vertices have no three coordinates")
         mesh.remove_unreferenced_vertices()
     except ModuleNotFoundError as error:
         raise _unusable(path, f"needs the Python package {error.name}: pip install {error.name}") from error
+    except DamagedLine as error:
+        raise _unusable(path, f"is not a mesh: {error}") from error
     except Exception as error:  # the readers of the various formats raise exceptions of any type
-        raise _unusable(path, f"is not a mesh: {' '.join(f'{type(error).__name__}: {error}'.split())}") from error
+        what = " ".join(f"{type(error).__name__}: {error}".split())
+        raise _unusable(path, f"is not a mesh: {what}; export it again") from error
     if len(mesh.faces) < MIN_FACES:
         raise _unusable(path, f"is not a mesh: it has {len(mesh.faces)} triangles; at least {MIN_FACES} are needed")
     if not finite or np.abs(mesh.vertices).max() * unit > LARGEST:
@@ -144,6 +153,15 @@ def _read(path: Path) -> tuple["trimesh.Trimesh", int]:
             mesh.invert()
             notes |= INSIDE_OUT
     return mesh, notes
+
+
+def _loader(path: Path) -> Callable[..., "trimesh.Trimesh"]:
+    """Loads a file by trimesh, with its options; an OBJ file in plain text, since trimesh guesses at other text."""
+    if path.suffix.lower() != ".obj":
+        return partial(trimesh.load_mesh, path)
+    text = clean_obj(path.read_text(encoding="utf-8", errors="replace"))
+    resolver = trimesh.resolvers.FilePathResolver(str(path))
+    return lambda **options: trimesh.load_mesh(StringIO(text), file_type="obj", resolver=resolver, **options)
 
 
 def _collada_asset(path: Path) -> tuple[float, int]:

@@ -15,6 +15,7 @@ from hmap_core.exceptions import Code, InputError
 from hmap_core.mesh_files import MAX_HULL_VERTICES, read_hull, read_mesh
 from hmap_core.scenes.meshes import check_convex
 from hmap_core.types import Shape, ShapeKind
+from hmap_core.validation.files import mesh_points
 
 CORNERS = sorted([x, y, z] for x in (0.0, 0.1) for y in (0.0, 0.2) for z in (0.0, 0.3))
 
@@ -98,6 +99,67 @@ def test_what_is_no_mesh_is_refused(tmp_path, name):
         read_hull(tmp_path / name)
     assert error.value.code == Code.INVALID_SCENE
     assert error.value.reason.startswith(f"mesh '{tmp_path / name}' ") and says in error.value.reason
+
+
+TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"
+DAMAGED_LINES = {
+    "no index": ("f 2 3 4", "f 2 3 /4", "line 9 is 'f 2 3 /4'; a corner of a face is v, v/vt, v//vn or v/vt/vn"),
+    "two numbers": ("f 2 3 4", "f 2 3 4-1", "line 9 is 'f 2 3 4-1'; a corner of a face"),
+    "a word": ("f 2 3 4", "f 2 3 v", "line 9 is 'f 2 3 v'; a corner of a face"),
+    "zero": ("f 2 3 4", "f 2 3 0", "whole numbers other than 0"),
+    "four parts": ("f 2 3 4", "f 2 3 4/1/1/1", "line 9 is 'f 2 3 4/1/1/1'; a corner of a face"),
+    "no vertex": ("f 2 3 4", "f 2 3 5", "line 9 is 'f 2 3 5'; the file has vertices 1 to 4"),
+    "before the first": ("f 2 3 4", "f 2 3 -5", "line 9 is 'f 2 3 -5'; the file has vertices 1 to 4"),
+    "an edge": ("f 2 3 4", "f 2 3", "line 9 is 'f 2 3'; a face has 3 vertices or more"),
+    "two coordinates": ("v 0 1 0", "v 0 1", "line 3 is 'v 0 1'; a vertex has 3 coordinates, and only numbers"),
+    "comma": ("v 0 1 0", "v 0 0,5 0", "line 3 is 'v 0 0,5 0'; a vertex has 3 coordinates, and only numbers"),
+    "not finite": ("v 0 1 0", "v 0 inf 0", "line 3 is 'v 0 inf 0'; a coordinate is not finite"),
+    "Python's numbers": ("v 0 1 0", "v 0 1_0 0", "line 3 is 'v 0 1_0 0'; a vertex has 3 coordinates"),
+    "texture": ("vt 0 0", "vt 0 x", "line 5 is 'vt 0 x'; 'vt' is followed by numbers only"),
+}
+
+
+@pytest.mark.parametrize("kind", DAMAGED_LINES)
+def test_a_damaged_line_of_an_obj_file_is_named(tmp_path, kind):
+    before, after, says = DAMAGED_LINES[kind]
+    path = tmp_path / "body.obj"
+    path.write_text(TETRAHEDRON)
+    read_hull(path)
+    path.write_text(TETRAHEDRON.replace(before, after))
+    with pytest.raises(InputError) as error:
+        read_hull(path)
+    assert error.value.reason.startswith(f"mesh '{path}' is not a mesh: ") and says in error.value.reason
+    assert error.value.reason.endswith("; correct it, or export the mesh again")
+
+
+WRITTEN = {
+    "tabs": TETRAHEDRON.replace(" ", "\t"),
+    "comments": TETRAHEDRON.replace("f 2 3 4", "f 2 3 4 # the last").replace("v 0 1 0", "v 0 1 0 # up"),
+    "windows": TETRAHEDRON.replace("\n", "\r\n"),
+    "continued": TETRAHEDRON.replace("f 2 3 4\n", "f 2 3\\\n4\\\n"),
+    "from behind": "v 9 9 9\n" + TETRAHEDRON.replace("f 2 3 4", "f -3 -2 -1").replace("f 1 ", "f -4 ")
+    .replace("2 3\n", "-3 -2\n").replace("2 4", "-3 -1").replace("3 4", "-2 -1") + "v 7 7 7\n",
+    "some with texture": TETRAHEDRON.replace("f 2 3 4", "f 2/1 3/1 4/1"),
+    "unused and not finite": TETRAHEDRON + "v nan nan nan\n",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", WRITTEN)
+def test_ways_to_write_an_obj_file_mean_the_same_to_both_readers(tmp_path, kind):
+    path = tmp_path / "body.obj"
+    path.write_bytes(WRITTEN[kind].encode())
+    wanted = sorted([[0, 0, 0], [0, 0, 1], [0, 1, 0], [1, 0, 0]])
+    assert corners(path) == wanted and sorted(mesh_points(path).tolist()) == wanted
+
+
+def test_faces_of_many_corners_are_fans(tmp_path):
+    """Triangles with textures beside a hexagon have six numbers in each line."""
+    ring = [(np.cos(a), np.sin(a)) for a in np.arange(6) * np.pi / 3]
+    text = "".join(f"v {x} {y} 0\n" for x, y in ring) + "v 0 0 1\nvt 0 0\nf 6 5 4 3 2 1\n"
+    text += "".join(f"f {i + 1}/1 {(i + 1) % 6 + 1}/1 7/1\n" for i in range(6))
+    path = tmp_path / "cone.obj"
+    path.write_text(text)
+    assert read_hull(path).fill == pytest.approx(1.0) and len(read_mesh(path).faces) == 10
 
 
 def test_a_large_hull_is_simplified_from_outside(tmp_path):

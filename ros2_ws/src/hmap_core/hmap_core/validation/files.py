@@ -77,7 +77,7 @@ def _obj_points(path: Path) -> np.ndarray:
     vertices: list[list[str]] = []
     used: set[int] = set()
     for line in path.read_text(errors="replace").replace("\\\n", " ").splitlines():
-        words = line.split()
+        words = line.partition("#")[0].split()
         if words[:1] == ["v"]:
             vertices.append(words[1:4])
         elif words[:1] == ["f"]:
