@@ -7,13 +7,14 @@ from itertools import islice
 import numpy as np
 
 from hmap_core.collision.convex import from_hulls, set_distance
-from hmap_core.contacts.feasibility import stretches
+from hmap_core.contacts.feasibility import reach_bounds, stretches
 from hmap_core.contacts.grip_width import grip_problem
 from hmap_core.contacts.push_path import first_pushes
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.segment import free_opening, retreated
 from hmap_core.komo.shapes import body_set
+from hmap_core.planner.contact_checker import cleared
 from hmap_core.planner.obstruction import LIFT
 from hmap_core.planner.protocols import ContactQuery
 from hmap_core.planner.sampled_contacts import SampledContacts
@@ -24,7 +25,8 @@ from hmap_core.waypoints import stable_poses
 from hmap_core.waypoints.checker import PENETRATION_ALLOWED
 
 PUSHED_STEPS = 3  # poses of a push, 1 cm apart, for which an object needs room before it, and a finger behind it
-BATCHES = 2  # of contacts that are looked at
+BATCHES = 2  # of contacts whose fate is told
+SAMPLINGS = 3  # of contacts, before an object counts as out of the reach of all hands
 TOO_FAR = "too far for the arm"
 HAND_FREE = "free for the hand, but not for the arm on its way there and back"
 
@@ -51,15 +53,22 @@ def why_not_moved(scene: Scene, state: SceneState, object: str) -> str:
 
 
 def hand_fits(scene: Scene, state: SceneState, object: str, seed: int = 0) -> bool:
-    """Whether a hand alone, without the arm, can grip an object where it is, or push it to a side with room for it."""
-    around = placed_bodies(scene, state, object)
+    """Whether a hand alone, without the arm, can grip an object where it is, or push it to a side with room for it.
+
+    Contacts are sampled several times before the answer is no.
+    """
     pushed = first_pushes(scene.bodies[object], state.poses[object], PUSHED_STEPS)
     ways = [way for way in pushed if not overlapped(scene, state, object, way[-1])]
-    return any(
-        HAND_FREE in _fates(scene, state, object, robot, around, seed, poses)
-        for poses in (state.poses[object][None], *ways)
-        for robot in scene.robots
-    )
+    rng = np.random.default_rng(seed)
+    for _ in range(SAMPLINGS):
+        for poses in (state.poses[object][None], *ways):
+            for robot in scene.robots:
+                manipulation, _ = cleared(scene, state, object, robot)
+                query = ContactQuery(scene, state, object, poses, robot, rng)
+                for batch in SampledContacts().propose(query):
+                    if len(batch.contacts) and (reach_bounds(manipulation, batch.contacts, poses) >= 0).any():
+                        return True
+    return False
 
 
 def overlapped(scene: Scene, state: SceneState, object: str, T: np.ndarray) -> set[str]:

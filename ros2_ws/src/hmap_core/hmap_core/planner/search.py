@@ -97,7 +97,6 @@ class Search:
             outcome = self.run(PATH_STRATEGIES, task)
             if isinstance(outcome, Failure) and not outcome.ends_round:
                 reachability.check_goal(self.context, task)
-                reachability.check_start(self.context, task)
             return outcome
 
     def follow(

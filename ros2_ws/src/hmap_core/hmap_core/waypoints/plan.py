@@ -53,7 +53,7 @@ def plan_waypoints(
     if not problem.removable:
         found = search.rounds(rng, budget)
         if found is None:
-            raise _failure(search, needed, budget, search.infeasible)
+            raise _failure(search, needed, budget, search)
     else:
         found = _around_or_through(problem, search, needed, rng, budget, make_space)
     return _finished(problem, found, rng, budget)
@@ -72,10 +72,10 @@ def _around_or_through(problem, search, needed, rng, budget: SearchBudget, make_
         if through is not None:
             removal = fewest_removals(problem, through, needed, rng, budget, make_space)
             path = _finished(problem.without(frozenset(removal.names)), removal.corners, rng, budget)
-            raise _failure(search, needed, budget, False, removal, path)
+            raise _failure(search, needed, budget, None, removal, path)
         found = None if needed else search.round(rng, budget)
     if found is None:
-        raise _failure(search, needed, budget, cleared.infeasible)
+        raise _failure(search, needed, budget, cleared)
     return found
 
 
@@ -95,13 +95,22 @@ def _failure(
     search: ObjectSearch,
     needed: frozenset[str],
     budget: SearchBudget,
-    proven: bool,
+    last: ObjectSearch | None,
     removal: Removal | None = None,
     path: ObjectPath | None = None,
 ) -> NoObjectPath:
     """The exception that names the blocking bodies, whether a path exists without the removable ones, and how sure it
     is.
+
+    Args:
+        search: the search with everything in its place.
+        needed: removable bodies at the goal.
+        budget: what was left.
+        last: the search that decides: the same one, or the one without the removable bodies; None if that found a path.
+        removal: what has to be removed for that path.
+        path: that path.
     """
+    proven = last is not None and last.infeasible
     central = search.problem
     end = _afterwards(budget)
     straight = sorted(needed)
@@ -125,8 +134,13 @@ def _failure(
         removal_note = found or "; none was found without the removable bodies either"
     sure = ""
     if removal is None:
+        why = f": {last.enclosure}" if last is not None and last.enclosure is not None else ""
         limit = " within its bounds" if central.bounds is not None else ""
-        sure = "; it is proven that there is none" + limit if proven else f"; the search ended with {budget.ended_by}"
+        sure = (
+            "; it is proven that there is none" + limit + why
+            if proven
+            else f"; the search ended with {budget.ended_by}"
+        )
     kinds = " or ".join(dict.fromkeys("planar" if c.planar else "spatial" for c in search.checkers)) or "free"
     return NoObjectPath(
         f"no {kinds} path of '{central.body.name}' to its goal was found: {what}{removal_note}{sure}",

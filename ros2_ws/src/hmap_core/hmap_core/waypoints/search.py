@@ -14,6 +14,7 @@ from hmap_core.waypoints.checker import (
     planar_projection,
     recentred,
 )
+from hmap_core.waypoints.enclosure import Enclosure, enclosure
 from hmap_core.waypoints.kernels import lengths
 from hmap_core.waypoints.problem import ObjectPathProblem
 from hmap_core.waypoints.roadmap import SAME_POSE, direct_path, exits
@@ -36,6 +37,8 @@ TIGHTER = (0.002, 0.0005)
 GROWTH = 2
 # rounds with planar motion only, if spatial motion is allowed, too
 PLANAR_ROUNDS = 2
+# rounds after which it is looked whether obstacles enclose start or goal; most paths are found before
+ROUNDS_BEFORE_PROOF = 2
 
 
 @dataclass(frozen=True)
@@ -179,6 +182,7 @@ class ObjectSearch:
 
     Attributes:
         checkers: those used so far.
+        enclosure: the proof that no motion leads from start to goal, once it was found.
     """
 
     def __init__(
@@ -191,6 +195,7 @@ class ObjectSearch:
         self.middle = body_middle(problem.body)
         self.problem = recentred(problem, self.middle)
         self.checkers: list[ObjectChecker] = []
+        self.enclosure: Enclosure | None = None
         self._geometry = Geometry(self.problem, obstacles, deadline)
         self._spaces = [make_space(self.problem, planar) for planar in _motion_spaces(self.problem)]
         self._rounds = 0
@@ -198,7 +203,7 @@ class ObjectSearch:
     @property
     def infeasible(self) -> bool:
         """Whether it is proven that no path exists; within the bounds of the problem, if it has any."""
-        return all(space.infeasible for space in self._spaces)
+        return self.enclosure is not None or all(space.infeasible for space in self._spaces)
 
     def fresh_checkers(self) -> list[ObjectChecker]:
         """The checkers of the first motion space that applies, before any search."""
@@ -215,8 +220,15 @@ class ObjectSearch:
             budget: limit of the search.
 
         Returns:
-            A free path, or None if this round has found none.
+            A free path, or None if this round has found none, or if it is proven that there is none.
         """
+        if self._rounds == ROUNDS_BEFORE_PROOF:
+            problem, geometry = self.problem, self._geometry
+            self.enclosure = enclosure(
+                problem.body.name, geometry.body, geometry.obstacles, problem.start, problem.goal
+            )
+        if self.infeasible:
+            return None
         for k, space in enumerate(list(self._spaces)):
             waiting = 0 if k == 0 or self._spaces[0].infeasible else PLANAR_ROUNDS
             if self._rounds < waiting:

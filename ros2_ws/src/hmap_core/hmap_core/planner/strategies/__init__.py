@@ -10,6 +10,7 @@ from hmap_core.planner.strategies.object_path import ObjectPathStrategy
 from hmap_core.planner.strategies.pushed_paths import PushedPaths
 from hmap_core.planner.strategies.remove_obstacles import RemoveObstacles
 from hmap_core.planner.strategies.slide_first import SlideFirst
+from hmap_core.planner.strategies.start_check import StartCheck
 
 # for a path of the object, one round of the outer loop
 PATH_STRATEGIES = (
@@ -17,6 +18,7 @@ PATH_STRATEGIES = (
     AttachedPathStrategy(),
     SlideFirst(),
     PushedPaths(),
+    StartCheck(),  # what follows begins with a grasp or a push
     ManipulationGraphStrategy(),
     HandOver(),
 )
