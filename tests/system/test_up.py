@@ -117,6 +117,25 @@ def test_the_bag_opens_without_hmap_and_holds_the_run(run):
     assert bag["robots"] == ["panda_1", "panda_2"]
 
 
+LAST_WORDS = "import atexit, os\natexit.register(lambda: os.write(1, b'a library says goodbye'))\n"
+
+
+@pytest.mark.slow
+def test_json_is_all_that_is_on_standard_output_whatever_a_library_prints(tmp_path):
+    (tmp_path / "sitecustomize.py").write_text(LAST_WORDS)
+    done = subprocess.run(
+        command("up", "published/bolt", "--plan-only", "--no-picture", "--json", "--out", str(tmp_path / "runs")),
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])},
+        capture_output=True,
+        text=True,
+        timeout=LIMIT,
+    )
+    report = json.loads(done.stdout)
+    assert done.returncode == 0 and "a library says goodbye" in done.stderr
+    assert report["planned"] and not report["solved"] and report["reason"] is None and report["code"] is None
+    assert Path(report["files"]["plan"]).is_file() and report["summary"]["task"] == "published/bolt, seed 0"
+
+
 @pytest.mark.slow
 def test_every_log_is_free_of_traces(run):
     folder, _ = run

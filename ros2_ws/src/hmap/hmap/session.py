@@ -36,7 +36,9 @@ from hmap_msgs.msg import Scene as SceneMessage
 from hmap_msgs.srv import AddBody, LoadScene, MoveBody, RemoveBody, Reset
 from hmap_msgs_py.bodies import body_to_message
 from hmap_msgs_py.checks import ConversionError
+from hmap_msgs_py.measurements import Latest
 from hmap_msgs_py.poses import pose_to_message
+from hmap_msgs_py.times import seconds_from_message
 
 READY_LIMIT = 60.0  # s to wait for the nodes
 ANSWER_LIMIT = 30.0  # s to wait for the answer of a service
@@ -98,8 +100,8 @@ class Session:
         self._spinner: Spinner | None = None
         self._news = threading.Condition()
         self._scene: SceneMessage | None = None
-        self._state: WorldState | None = None
-        self._arrived = -float("inf")  # when the state did, s of the steady clock
+        self._states: Latest[WorldState] = Latest("the world state")
+        self._arrived = -float("inf")  # when the newest state did, s of the steady clock
         self._goal: GoalInProgress | None = None
         self.node: Node = self._own_node(name, namespace, args) if node is None else node
         self._group = ReentrantCallbackGroup()
@@ -147,7 +149,7 @@ class Session:
         """Those of the nodes that are ready for work."""
         services = {name for name, _ in self.node.get_service_names_and_types()}
         names = set(self.node.get_node_names())
-        found = {"perception": self._state is not None, "supervisor": self._client.server_is_ready()}
+        found = {"perception": self._state() is not None, "supervisor": self._client.server_is_ready()}
         found |= {node: self.node.resolve_service_name(service) in services for node, service in SERVICES.items()}
         return [name for name in nodes if found.get(name, name in names)]
 
@@ -192,7 +194,7 @@ class Session:
                 f"no fresh world state within {timeout:g} s: is perception running, and do its sensors speak?",
                 Code.STALE_STATE,
             )
-        return state_from_message(scene_from_message(self._scene), self._state)
+        return state_from_message(scene_from_message(self._scene), self._state())
 
     def load_scene(self, task: str | Path | Scene, seed: int = 0, timeout: float = ANSWER_LIMIT) -> Scene:
         """Load a scene in place of the current one, and wait until everything of it is seen.
@@ -216,9 +218,14 @@ class Session:
         response = self._call(LoadScene, "load_scene", request, timeout)
         loaded = (response.scene.task, response.scene.seed)
         with self._news:
-            self._scene, self._state = response.scene, None
-        named = self._wait(lambda: self._state is not None and (self._state.task, self._state.seed) == loaded, timeout)
-        if not named:
+            self._scene = response.scene
+            self._states.clear()
+
+        def is_of_it() -> bool:
+            state = self._state()
+            return state is not None and (state.task, state.seed) == loaded
+
+        if not self._wait(is_of_it, timeout):
             raise InputError(f"no world state of {loaded[0]!r} within {timeout:g} s", Code.STALE_STATE)
         return scene_from_message(response.scene)
 
@@ -230,7 +237,7 @@ class Session:
         """
         self._call(Reset, "reset", Reset.Request(), timeout)
         with self._news:
-            self._state = None
+            self._states.clear()
 
     def add_body(self, body: Body, timeout: float = ANSWER_LIMIT) -> None:
         """Add a body to the loaded scene.
@@ -369,9 +376,18 @@ class Session:
             self._news.notify_all()
 
     def _take_state(self, message: WorldState) -> None:
+        now = time.monotonic()
         with self._news:
-            self._state, self._arrived = message, time.monotonic()
-            self._news.notify_all()
+            if now - self._arrived > STALE_AFTER:  # a simulation that was started anew begins with older stamps
+                self._states.clear()
+            if self._states.add(seconds_from_message(message.header.stamp), message):
+                self._arrived = now
+                self._news.notify_all()
+
+    def _state(self) -> WorldState | None:
+        """The world state with the newest stamp."""
+        newest = self._states.newest()
+        return None if newest is None else newest[1]
 
     def _notify(self, *_: Any) -> None:
         with self._news:
@@ -388,7 +404,7 @@ class Session:
             return self._news.wait_for(ready, timeout)
 
     def _has_fresh_state(self) -> bool:
-        state, scene = self._state, scene_from_message(self._scene)
+        state, scene = self._state(), scene_from_message(self._scene)
         return (
             state is not None
             and time.monotonic() - self._arrived <= STALE_AFTER

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.context import Context
@@ -268,6 +269,29 @@ def test_the_world_is_seen_and_changed(graph, session) -> None:
         session.remove_body("newcomer", LONG)
     assert error.value.code is Code.UNKNOWN_OBJECT
     session.reset(LONG)
+
+
+def stamped(scene, seconds: int, x: float) -> WorldState:
+    state = scene.start_state()
+    state.poses["bolt"] = np.array([x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+    return state_to_message(scene, state, Time(sec=seconds))
+
+
+def test_an_older_state_that_arrives_late_replaces_nothing(monkeypatch) -> None:
+    """Until the newest one is stale: a simulation that was started anew begins with stamps from 0."""
+    scene = load_scene("bolt", 0)
+    with Session(namespace="/elsewhere") as session:
+        session._take_scene(scene_to_message(scene))
+        for seconds, x in ((7, 0.1), (6, 0.2), (7, 0.3), (5, 0.4)):
+            session._take_state(stamped(scene, seconds, x))
+        assert session.world_state().poses["bolt"][0] == 0.3
+        session._take_state(stamped(scene, 8, 0.5))
+        assert session.world_state().poses["bolt"][0] == 0.5
+        monkeypatch.setattr("hmap.session.STALE_AFTER", 0.05)
+        time.sleep(0.1)
+        session._take_state(stamped(scene, 1, 0.6))
+        monkeypatch.setattr("hmap.session.STALE_AFTER", LONG)
+        assert session.world_state().poses["bolt"][0] == 0.6
 
 
 def test_a_scene_is_loaded_by_name_or_as_it_is(graph, session) -> None:

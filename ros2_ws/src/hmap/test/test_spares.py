@@ -46,6 +46,26 @@ def test_a_spare_becomes_a_node(tmp_path):
     assert (tmp_path / "log").read_text() == "I am fake --ros-args -p x:=1\n"
 
 
+def test_what_a_node_prints_is_in_its_log_where_the_launcher_keeps_its_output_for_results(tmp_path):
+    code = """
+        import os
+        from hmap_core.command_line import keep_for_results
+
+        def loud():
+            os.write(1, b'a library\\n')
+            return says()
+
+        node(loud)
+        os.dup2(os.open('noise', os.O_WRONLY | os.O_CREAT), 2)
+        keep_for_results()
+        (spare,) = spares.fork_spares(1)
+        spare.run('fake', [], Path('log'))
+        print(spare.wait())
+    """
+    assert run(tmp_path, code) == "3\n"
+    assert (tmp_path / "log").read_text() == "a library\nI am fake\n" and not (tmp_path / "noise").read_text()
+
+
 def test_an_error_is_in_the_log(tmp_path):
     code = """
         node(lambda: 1 / 0)

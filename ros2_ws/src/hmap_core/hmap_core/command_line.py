@@ -13,6 +13,7 @@ from typing import TextIO
 from hmap_core.exceptions import HmapError, InputError
 
 YES, NO, BAD_INPUT = 0, 1, 2  # exit codes
+_KEPT: list[TextIO] = []  # what sys.stdout is for results
 
 
 def run_reported(run: Callable[[], int], name: str, debug: bool | None = None) -> int:
@@ -68,3 +69,11 @@ def keep_for_results() -> None:
         return
     buffering = 1 if os.isatty(own) else -1
     sys.stdout = os.fdopen(own, "w", buffering, encoding=stream.encoding, errors=stream.errors)
+    _KEPT.append(sys.stdout)
+
+
+def leave_results() -> None:
+    """Undoes :func:`keep_for_results` in a forked process, whose standard output is another one from now on."""
+    while _KEPT:
+        _KEPT.pop().close()
+        sys.stdout = sys.__stdout__

@@ -1,21 +1,26 @@
 """``hmap up TASK``: starts all nodes, which plan and execute a task."""
 
 import argparse
+import json
+import math
 import signal
 import sys
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 from hmap.environment import prepare_process
 from hmap.launcher.processes import Graph, output_folder
 from hmap.launcher.spares import Spare, fork_spares
 from hmap_core.cli.main import natural, positive, seed_argument, zero_or_more
 from hmap_core.cli.progress import ProgressLine
+from hmap_core.command_line import keep_for_results
 from hmap_core.compile_cache import ensure_compiled
 from hmap_core.exceptions import Code, InputError, PlannerError
 
 HELP = "start the nodes, plan and execute a task with them, and stop them"
+RESTARTS = True  # see hmap_core.cli.main
 START_LIMIT = 120.0  # s for all nodes to be up
 POLL = 0.1  # s
 NODES = 7  # without those of dynamic obstacles
@@ -46,6 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-picture", action="store_true", help="do not draw the plan")
     count = "bodies that appear near the path while it is executed, seen by the cameras only (1)"
     parser.add_argument("--dynamic-obstacles", type=natural, nargs="?", const=1, default=0, metavar="N", help=count)
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--keep", action="store_true", help="leave the nodes running afterwards, until Ctrl-C")
 
 
@@ -61,6 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
         ExecutionError: a node has died.
     """
     prepare_process()
+    keep_for_results()
     from hmap_core.planner.preconditions import check_bodies  # slow to import, as is all of ROS below
     from hmap_core.scenes import load_scene
 
@@ -112,7 +119,7 @@ def _run(arguments: argparse.Namespace, folder: Path, stop: threading.Event, spa
             result = session.result()
             if arguments.keep:
                 files |= _save(result, folder, not arguments.no_picture, line)
-                _print(result, files)
+                _print(result, files, arguments.json)
                 line.show("up", "the nodes run on; Ctrl-C ends them")
                 while not stop.wait(POLL):
                     graph.check()
@@ -120,7 +127,7 @@ def _run(arguments: argparse.Namespace, folder: Path, stop: threading.Event, spa
         if not arguments.keep:
             files |= _save(result, folder, not arguments.no_picture, line)
     if not arguments.keep:
-        _print(result, files)
+        _print(result, files, arguments.json)
     return _exit_code(result)
 
 
@@ -177,22 +184,40 @@ def _save(result, folder: Path, picture: bool, line: ProgressLine) -> dict[str, 
     return files
 
 
-def _print(result, files: dict[str, Path]) -> None:
+def _print(result, files: dict[str, Path], as_json: bool) -> None:
     """Print the summary."""
     from hmap_core.viz.summary import summary
 
+    if as_json:
+        print(json.dumps(_report(result, files)), flush=True)
+        return
     print(("solved" if result.executed else "planned, not executed") if result.success else "not solved")
     if not result.success:
         print(f"{'reason':<16}{result.error}")
     if result.plan is not None:
         lines = summary(result.plan)
-        degrees = result.rotation_error * 180.0 / 3.141592653589793
-        lines["final error"] = f"{result.position_error * 1e3:.2f} mm, {degrees:.2f} deg"
+        lines["final error"] = f"{result.position_error * 1e3:.2f} mm, {math.degrees(result.rotation_error):.2f} deg"
         for name, value in lines.items():
             print(f"{name:<16}{value}")
     for name, path in files.items():
         print(f"{name:<16}{path}")
     sys.stdout.flush()
+
+
+def _report(result, files: dict[str, Path]) -> dict[str, Any]:
+    """What ``--json`` prints; ``goal_error`` and ``reason`` as of ``hmap execute``."""
+    from hmap_core.viz.summary import summary
+
+    error = {"position_m": result.position_error, "rotation_deg": math.degrees(result.rotation_error)}
+    return {
+        "solved": result.success and result.executed,
+        "planned": result.plan is not None,
+        "goal_error": None if result.plan is None else error,
+        "reason": None if result.success else str(result.error),
+        "code": None if result.success else result.error.code.name,
+        "summary": None if result.plan is None else summary(result.plan),
+        "files": {name: str(path) for name, path in files.items()},
+    }
 
 
 def _exit_code(result) -> int:

@@ -18,6 +18,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import NoReturn
 
+from hmap_core.command_line import leave_results
+
 PRELOADED = ("supervisor", "perception", "waypoint_planner", "contact_proposer", "komo_optimiser")  # nodes
 POLL = 0.02  # s
 FAILED = 1  # exit code
@@ -137,6 +139,7 @@ def _run_node(node: str, arguments: list[str], log: str) -> int:
     with open(os.devnull, "rb") as nothing, open(log, "ab") as output:
         for number, file in enumerate((nothing, output, output)):
             os.dup2(file.fileno(), number)
+    leave_results()
     Path("/proc/self/comm").write_text(node)  # the name that `ps` and `top` show
     sys.argv = [node, *arguments]
     return import_module(f"hmap.nodes.{node}").main()

@@ -26,7 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     collect_rarely()
     arguments = _parse(sys.argv[1:] if argv is None else list(argv))
-    if arguments.module.__name__ in BUILT_IN.values():  # `hmap up` forks nodes and restarts itself
+    if not getattr(arguments.module, "RESTARTS", False):
         keep_for_results()
     return run_reported(lambda: arguments.module.run(arguments), "hmap", arguments.debug)
 
@@ -120,4 +120,6 @@ def zero_or_more(text: str) -> float:
     return value
 
 
-Command = ModuleType  # HELP: str; add_arguments(parser) -> None; run(arguments) -> int
+# HELP: str; add_arguments(parser) -> None; run(arguments) -> int. A module with RESTARTS = True starts the process
+# anew, and calls keep_for_results() after that by itself.
+Command = ModuleType
