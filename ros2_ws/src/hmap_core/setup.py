@@ -21,6 +21,7 @@ setup(
         "numpy",
         "ompl>=1.7,<2",
         "open3d-cpu",
+        "pillow",
         "pybullet",
         "pycollada",
         "pydantic",

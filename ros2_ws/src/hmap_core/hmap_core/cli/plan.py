@@ -10,6 +10,7 @@ from hmap_core.exceptions import HmapError, InputError
 
 HELP = "plan a task, let the judge check the plan, and write it to a file"
 DEFAULT_TIME_LIMIT = 60.0  # s
+ANIMATION_SUFFIX = ".gif"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,7 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="FILE", help="the plan file (TASK-SEED.json)")
     limit = f"for planning ({DEFAULT_TIME_LIMIT:g})"
     parser.add_argument("--time-limit", type=positive, default=DEFAULT_TIME_LIMIT, metavar="SECONDS", help=limit)
-    parser.add_argument("--picture", type=Path, metavar="PNG", help="draw the plan, too")
+    parser.add_argument("--picture", type=Path, metavar="PNG", help="draw key frames of the plan, too")
+    parser.add_argument("--animation", type=Path, metavar="GIF", help="draw the plan as an animated GIF, too")
     parts_arguments(parser)
     parser.add_argument("--explain", action="store_true", help="print what was tried, and why it failed, as a tree")
 
@@ -39,8 +41,9 @@ def parts_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run ``hmap plan``; its exit code."""
     out = arguments.out or Path(f"{Path(arguments.task).stem}-{arguments.seed}.json")
-    for path in filter(None, (out, arguments.picture)):
+    for path in filter(None, (out, arguments.picture, arguments.animation)):
         check_writable(path)
+    check_animation(arguments.animation)
     from hmap_core.scenes import load_scene  # slow to import, and not needed to refuse a path
 
     scene = load_scene(arguments.task, arguments.seed)
@@ -68,9 +71,11 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.picture:
             line.show("drawing")
             draw(plan, arguments.picture)
+        if arguments.animation:
+            animate(plan, arguments.animation, line)
     if arguments.explain and "search" in plan.stats:
         explain(plan.stats["search"])
-    print_summary(plan, out, arguments.picture)
+    print_summary(plan, {"plan": out, "picture": arguments.picture, "animation": arguments.animation})
     return 0
 
 
@@ -98,13 +103,26 @@ def draw(plan, path: Path) -> None:
     render(plan, path)
 
 
-def print_summary(plan, out: Path, picture: Path | None) -> None:
-    """What was found, for people."""
+def check_animation(path: Path | None) -> None:
+    """Raises InputError where an animation cannot be written in the format that a file name asks for."""
+    if path is not None and path.suffix.lower() != ANIMATION_SUFFIX:
+        raise InputError(f"{path}: an animation is written as GIF; its name has to end in {ANIMATION_SUFFIX}")
+
+
+def animate(plan, path: Path, line: ProgressLine) -> None:
+    """Write the animation of a plan."""
+    from hmap_core.viz.animation import animate as write  # slow to import, and seldom needed
+
+    write(plan, path, lambda done, of: line.show("drawing", f"frame {done} of {of}"))
+
+
+def print_summary(plan, files: dict[str, Path | None]) -> None:
+    """What was found, for people, and the files by kind."""
     from hmap_core.viz.summary import summary
 
     for name, value in summary(plan).items():
         print(f"{name:<16}{value}")
-    print(f"{'plan':<16}{out}")
-    if picture:
-        print(f"{'picture':<16}{picture}")
+    for name, path in files.items():
+        if path is not None:
+            print(f"{name:<16}{path}")
     sys.stdout.flush()

@@ -15,6 +15,7 @@ from hmap_core.simulation.robots import JointStates, SimulatedRobot
 from hmap_core.simulation.settings import GRAVITY, SOLVER_ITERATIONS, TIME_STEP
 from hmap_core.types import Body, Camera, Scene, SceneState
 
+MAX_RAYS = 10_000  # at once; PyBullet allows 16384
 QUATERNION_TOLERANCE = 1e-3  # how far the norm of a given quaternion may be from 1
 
 
@@ -185,6 +186,26 @@ class SimulatedWorld:
         }
         names |= {robot.id: (key, robot) for key, robot in self._robots.items()}
         return [_contact(point, names) for point in self._client.getContactPoints(**chosen) or ()]
+
+    def first_hits(self, origin: np.ndarray, targets: np.ndarray) -> list[str]:
+        """Casts rays against the collision shapes.
+
+        Args:
+            origin: (3,) m, world frame.
+            targets: (n, 3) m, the ends of the rays.
+
+        Returns:
+            The name of the body or robot that each ray meets first; empty where it meets nothing.
+        """
+        names = {handle.id: name for name, handle in self._bodies.items()}
+        names |= {robot.id: name for name, robot in self._robots.items()}
+        self._client.performCollisionDetection()  # what was placed since the last step is found where it is now
+        hits = []
+        for begin in range(0, len(targets), MAX_RAYS):
+            ends = np.asarray(targets[begin : begin + MAX_RAYS], float)
+            starts = np.broadcast_to(np.asarray(origin, float), ends.shape)
+            hits += [names.get(hit[0], "") for hit in self._client.rayTestBatch(starts.tolist(), ends.tolist())]
+        return hits
 
     def render(self, view: Camera | str) -> CameraImage:
         """A picture by a camera, or by the scene's camera of that name.

@@ -79,8 +79,7 @@ class Canvas:
         if z <= radius:
             return
         u, v, r = K[0, 0] * x / z + K[0, 2], K[1, 1] * y / z + K[1, 2], K[0, 0] * radius / z
-        rows = slice(max(0, int(v - r)), min(self.color.shape[0], int(v + r) + 2))
-        columns = slice(max(0, int(u - r)), min(self.color.shape[1], int(u + r) + 2))
+        rows, columns = (_within(middle, r, size) for middle, size in zip((v, u), self.depth.shape, strict=True))
         V, U = np.mgrid[rows, columns]
         if U.size == 0:
             return
@@ -92,3 +91,9 @@ class Canvas:
         behind = z + radius * nz > self.depth[rows, columns] + DEPTH_TOLERANCE
         weight = np.where(inside, np.where(behind, hidden, 1.0), 0.0)[:, :, None]
         self.color[rows, columns] = (1.0 - weight) * self.color[rows, columns] + weight * shaded.clip(0.0, 1.0)
+
+
+def _within(middle: float, radius: float, size: int) -> slice:
+    """The pixels of 0 to ``size`` - 1 that are within a radius of a place, which may be outside."""
+    first, last = np.clip([np.floor(middle - radius), np.ceil(middle + radius) + 1.0], 0, size).astype(int)
+    return slice(int(first), int(last))

@@ -1,6 +1,6 @@
-"""Picture of a plan: robots at the first contact, ghosts at the other contacts, waypoints red, contacts yellow."""
+"""Picture of a plan: key frames side by side. Waypoints are red, contacts yellow, the goal green."""
 
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib.image
@@ -8,25 +8,27 @@ import numpy as np
 
 from hmap_core import transforms
 from hmap_core.exceptions import InputError
-from hmap_core.simulation.world import SimulatedWorld
-from hmap_core.trajectory.samples import index_at
-from hmap_core.types import Camera, Plan, Segment, SegmentKind
+from hmap_core.types import Camera, Plan, Segment
+from hmap_core.viz.captions import add_caption, caption
+from hmap_core.viz.key_frames import contact_at, key_samples
 from hmap_core.viz.layers import Canvas
+from hmap_core.viz.stage import Stage, goal_alone
 from hmap_core.viz.view import camera_for
 
-WIDTH, HEIGHT = 1000, 560  # pixels
+WIDTH, HEIGHT = 480, 380  # pixels of a key frame
+COLUMNS = 3  # of key frames in a picture with more than four
+BORDER = 4  # pixels between key frames
 OVERSAMPLING = 2  # rendered pixels for each pixel of the picture, along each axis
-SPHERE_RADIUS = 0.014  # m
+WAYPOINT_SIZE, CONTACT_SIZE, PATH_SIZE = 0.016, 0.018, 0.006  # radii, relative to half the height of the picture
+PATH_STEP = 0.012  # m between the points of the object's path
 RED, YELLOW, GREEN = (0.86, 0.12, 0.12), (1.0, 0.82, 0.05), (0.1, 0.62, 0.25)
-GREY = 0.45  # brightness that the object's ghosts are blended with
-GHOST_ALPHA, GHOST_HIDDEN = 0.45, 0.16  # opacity of the object's ghosts where visible, and where occluded
-ROBOT_ALPHA, ROBOT_HIDDEN = 0.22, 0.0  # opacity of the robots' ghosts where visible, and where occluded
-SPHERE_HIDDEN = 0.55  # opacity of occluded spheres
+GOAL_ALPHA, GOAL_HIDDEN = 0.35, 0.12  # opacity of the goal where visible, and where occluded
+SPHERE_HIDDEN = 0.45  # opacity of occluded spheres
 OUTLINE = 2  # width in pixels of the picture
 
 
 def render(plan: Plan, path: str | Path) -> None:
-    """Renders a plan into a PNG file.
+    """Renders the key frames of a plan into a PNG file.
 
     Args:
         plan: the plan.
@@ -43,77 +45,101 @@ def render(plan: Plan, path: str | Path) -> None:
 
 
 def draw(plan: Plan, width: int, height: int) -> np.ndarray:
-    """Renders a plan.
+    """Renders the key frames of a plan, in rows.
 
     Args:
         plan: the plan.
-        width, height: pixels.
+        width, height: pixels of each key frame.
 
     Returns:
-        The picture (height, width, 3), RGB, uint8.
+        The picture, RGB, uint8.
     """
-    camera = camera_for(plan, OVERSAMPLING * width, OVERSAMPLING * height)
-    canvas = _base(plan, camera)
-    _robot_ghosts(plan, camera, canvas)
-    _object_ghosts(plan, camera, canvas)
-    for pose in plan.waypoints:
-        canvas.sphere(pose[:3], SPHERE_RADIUS, RED, SPHERE_HIDDEN)
-    for segment in _contacts(plan):
-        canvas.sphere(_contact_point(plan, segment), SPHERE_RADIUS, YELLOW, SPHERE_HIDDEN)
-    shape = (height, OVERSAMPLING, width, OVERSAMPLING, 3)
-    return (255.0 * canvas.color.reshape(shape).mean(axis=(1, 3))).round().astype(np.uint8)
+    samples = key_samples(plan)
+    with Painter(plan, camera_for(plan, width, height, samples)) as painter:
+        frames = [painter.frame(k) for k in samples]
+    return _arranged(frames)
 
 
-def _contacts(plan: Plan) -> list[Segment]:
-    return [s for s in plan.segments if s.kind is not SegmentKind.TRANSIT and s.contact_pose is not None]
+class Painter:
+    """Draws a plan as a camera sees it; :meth:`close` frees what it needs.
+
+    Args:
+        plan: the plan.
+        camera: with the pixels of the pictures.
+    """
+
+    def __init__(self, plan: Plan, camera: Camera):
+        self._plan, self._size = plan, (camera.height, camera.width)
+        self._camera = Camera(
+            camera.name, camera.pose, OVERSAMPLING * camera.width, OVERSAMPLING * camera.height, camera.fov_y
+        )
+        self._stage = Stage(plan)
+        with goal_alone(plan) as world:
+            image = world.render(self._camera)
+        self._goal_depth, self._goal_mask = image.depth, image.mask > 0
+        self._path = _thinned(plan.trajectory.objects.get(plan.scene.goal.object, np.zeros((0, 7)))[:, :3])
+
+    def __enter__(self) -> "Painter":
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the simulated world."""
+        self._stage.close()
+
+    def frame(self, sample: int) -> np.ndarray:
+        """The picture (height, width, 3) of a sample, RGB, uint8, with a caption."""
+        height, width = self._size
+        pixels = self._canvas(sample).color.reshape(height, OVERSAMPLING, width, OVERSAMPLING, 3).mean(axis=(1, 3))
+        return add_caption((255.0 * pixels).round().astype(np.uint8), caption(self._plan, sample))
+
+    def _canvas(self, sample: int) -> Canvas:
+        self._stage.show(sample)
+        image = self._stage.world.render(self._camera)
+        canvas = Canvas(self._camera, image.color, image.depth)
+        canvas.ghost(np.array(GREEN), self._goal_depth, self._goal_mask, GOAL_ALPHA, GOAL_HIDDEN)
+        canvas.outline(self._goal_mask, GREEN, OVERSAMPLING * OUTLINE)
+        self._spheres(canvas, self._path, PATH_SIZE, RED)
+        self._spheres(canvas, self._plan.waypoints[:, :3], WAYPOINT_SIZE, RED)
+        contact = contact_at(self._plan, sample)
+        if contact is not None:
+            self._spheres(canvas, self._contact_point(contact)[None], CONTACT_SIZE, YELLOW)
+        return canvas
+
+    def _contact_point(self, contact: Segment) -> np.ndarray:
+        """Where (3,) the manipulator touches now."""
+        if contact.contact_pose is None:
+            return self._stage.hand(contact.robot)[0]
+        T_world_object = self._stage.world.body_pose(contact.contact_object)
+        return transforms.multiply(T_world_object, contact.contact_pose)[:3]
+
+    def _spheres(self, canvas: Canvas, points: np.ndarray, size: float, color: Sequence[float]) -> None:
+        """Draws spheres that are equally large in the picture, wherever they are."""
+        tan = np.tan(0.5 * self._camera.fov_y)
+        for point in points:
+            depth = transforms.apply(transforms.inverse(self._camera.pose), point)[2]
+            canvas.sphere(point, size * tan * depth, color, SPHERE_HIDDEN)
 
 
-def _contact_point(plan: Plan, segment: Segment) -> np.ndarray:
-    k = index_at(plan.trajectory.time, segment.start)
-    return transforms.multiply(plan.trajectory.objects[segment.contact_object][k], segment.T_obj_manipulator)[:3]
+def _thinned(path: np.ndarray) -> np.ndarray:
+    """Points (m, 3) of a path (n, 3), PATH_STEP apart."""
+    kept = list(path[:1])
+    for point in path:
+        if np.linalg.norm(point - kept[-1]) >= PATH_STEP:
+            kept.append(point)
+    return np.array(kept).reshape(-1, 3)
 
 
-def _moment(plan: Plan, segment: Segment) -> int:
-    """The sample at which a contact is made."""
-    return index_at(plan.trajectory.time, segment.start)
-
-
-def _place(plan: Plan, world: SimulatedWorld, robot: str, sample: int) -> None:
-    trajectory = plan.trajectory
-    world.robot(robot).place(trajectory.joints[robot][sample], float(trajectory.gripper[robot][sample]))
-
-
-def _base(plan: Plan, camera: Camera) -> Canvas:
-    """Renders the scene at the first contact."""
-    sample = _moment(plan, _contacts(plan)[0]) if _contacts(plan) else 0
-    with SimulatedWorld(plan.scene) as world:
-        for name in plan.scene.robots:
-            _place(plan, world, name, sample)
-        for name, poses in plan.trajectory.objects.items():
-            world.move_body(name, poses[sample])
-        image = world.render(camera)
-    return Canvas(camera, image.color, image.depth)
-
-
-def _robot_ghosts(plan: Plan, camera: Camera, canvas: Canvas) -> None:
-    """Draws ghosts of the robots at their other contacts."""
-    for segment in _contacts(plan)[1:]:
-        alone = replace(plan.scene, bodies={}, robots={segment.robot: plan.scene.robots[segment.robot]})
-        with SimulatedWorld(alone) as world:
-            _place(plan, world, segment.robot, _moment(plan, segment))
-            image = world.render(camera)
-            canvas.ghost(image.color / 255.0, image.depth, image.mask > 0, ROBOT_ALPHA, ROBOT_HIDDEN)
-
-
-def _object_ghosts(plan: Plan, camera: Camera, canvas: Canvas) -> None:
-    """Draws grey ghosts of the goal's object at its waypoints, and a green outline of its goal."""
-    name = plan.scene.goal.object
-    alone = replace(plan.scene, bodies={name: plan.scene.bodies[name]}, robots={})
-    with SimulatedWorld(alone) as world:
-        for pose in plan.waypoints:
-            world.move_body(name, pose)
-            image = world.render(camera)
-            grey = np.repeat(image.color.mean(axis=2, keepdims=True) / 255.0, 3, axis=2) * 0.5 + GREY * 0.5
-            canvas.ghost(grey, image.depth, image.mask > 0, GHOST_ALPHA, GHOST_HIDDEN)
-        world.move_body(name, plan.scene.goal.pose)
-        canvas.outline(world.render(camera).mask > 0, GREEN, OVERSAMPLING * OUTLINE)
+def _arranged(frames: Sequence[np.ndarray]) -> np.ndarray:
+    """Pictures of one size in rows."""
+    columns = COLUMNS if len(frames) > 4 else (len(frames) + 1) // 2 if len(frames) > 3 else len(frames)
+    height, width, _ = frames[0].shape
+    rows = -(-len(frames) // columns)
+    shape = (rows * (height + BORDER) - BORDER, columns * (width + BORDER) - BORDER, 3)
+    picture = np.full(shape, 255, np.uint8)
+    for i, frame in enumerate(frames):
+        top, left = i // columns * (height + BORDER), i % columns * (width + BORDER)
+        picture[top : top + height, left : left + width] = frame
+    return picture
