@@ -66,7 +66,7 @@ def test_files_without_force_and_payload_stay_valid(urdf):
 
 
 def test_what_slides_on_its_support_is_not_lifted(urdf):
-    plan = weighed(plans.carry(urdf), force=5.0, payload=1.0)
+    plan = weighed(plans.carry(urdf), force=5.0, payload=1.01)  # the friction of 2 kg is that of lifting 1 kg
     assert not check(plan).valid
     for poses, joints in zip(
         plan["trajectory"]["objects"]["cube"], plan["trajectory"]["joints"]["gantry"], strict=True

@@ -74,6 +74,7 @@ class GripperData:
     at_zero: np.ndarray  # (k,)
     openings: np.ndarray  # (M,), or (0,)
     force: float = np.inf  # N, of each pad; infinite when the file does not say
+    speed: float = np.inf  # m/s, largest rate of the opening; infinite when the file does not say
 
     def travel(self, openings: np.ndarray) -> np.ndarray:
         """Travel (N,) at openings (N,) in m."""
@@ -162,6 +163,7 @@ class Document:
     objects: dict[str, np.ndarray]  # body -> (N, 7), every body whose poses the file gives
     segments: tuple[SegmentData, ...]
     contacts: tuple[SegmentData, ...] = field(default=())  # the segments with contact
+    removable: frozenset[str] | None = None  # bodies that may be moved out of the way; None when the file does not say
 
 
 def _not_negative(value: float) -> bool:
@@ -214,6 +216,7 @@ def _gripper(reader: Reader | None) -> GripperData | None:
     if reader is None:
         return None
     low, high, force = reader.find("min_opening"), reader.find("max_opening"), reader.find("force")
+    speed = reader.find("speed")
     if not reader.get("finger_links").texts():
         reader.get("finger_links").fail("a gripper has at least one finger link")
     joint_names, at_zero, table = reader.get("joint_names").texts(), reader.find("at_zero"), reader.find("openings")
@@ -229,6 +232,7 @@ def _gripper(reader: Reader | None) -> GripperData | None:
         at_zero=np.zeros(len(joint_names)) if at_zero is None else _per_joint(at_zero, len(joint_names)),
         openings=openings,
         force=np.inf if force is None else force.number("zero or more", _not_negative),
+        speed=np.inf if speed is None else speed.number("zero or more", _not_negative),
     )
 
 
@@ -266,6 +270,17 @@ def _goal(reader: Reader, bodies: dict[str, BodyData]) -> GoalData:
         position_tolerance=reader.get("position_tolerance_m").number("zero or more", _not_negative),
         rotation_tolerance=reader.get("rotation_tolerance_rad").number("zero or more", _not_negative),
     )
+
+
+def _removable(reader: Reader | None, bodies: dict[str, BodyData]) -> frozenset[str] | None:
+    """Names of the removable bodies, from a table of placements or a list of names; None without the key."""
+    if reader is None:
+        return None
+    names = reader.texts() if isinstance(reader.value, list) else [name for name, _ in reader.items()]
+    for name in names:
+        if name not in bodies:
+            reader.fail(f"{name!r} is no body of the scene; there is {', '.join(bodies) or 'none'}")
+    return frozenset(names)
 
 
 def _times(reader: Reader) -> tuple[np.ndarray, float]:
@@ -387,6 +402,7 @@ def read(plan: dict) -> Document:
         objects={name: reader.poses((N,)) for name, reader in objects},
         segments=segments,
         contacts=tuple(s for s in segments if s.kind in CONTACT_KINDS),
+        removable=_removable(top.get("scene").find("removable"), bodies),
     )
     return document if N > 1 else _two_samples(document)
 

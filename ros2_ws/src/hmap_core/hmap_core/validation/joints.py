@@ -21,8 +21,9 @@ class JointTrack:
     acceleration: float
 
 
-def _tracks(world: World) -> list[JointTrack]:
-    tracks = []
+def tracks(world: World) -> list[JointTrack]:
+    """The joints of all arms and fingers, with the narrower limits of plan and URDF."""
+    found = []
     for name, robot in world.arms.items():
         d = robot.data
         of_urdf = {joint.name: joint for joint in robot.tree.joints}
@@ -31,12 +32,12 @@ def _tracks(world: World) -> list[JointTrack]:
             low, high = max(d.position_limits[0, i], joint.lower), min(d.position_limits[1, i], joint.upper)
             v = min(d.velocity_limits[i], joint.velocity or np.inf)
             q, a = world.document.joints[name][:, i], d.acceleration_limits[i]
-            tracks.append(JointTrack((name, joint_name), q, low, high, v, a))
+            found.append(JointTrack((name, joint_name), q, low, high, v, a))
         for joint in robot.tree.joints:
             if d.gripper is not None and joint.name in d.gripper.joint_names:
                 q = world.values[name][joint.name]
-                tracks.append(JointTrack((name, joint.name), q, joint.lower, joint.upper, joint.velocity, np.inf))
-    return tracks
+                found.append(JointTrack((name, joint.name), q, joint.lower, joint.upper, joint.velocity, np.inf))
+    return found
 
 
 def _position(track: JointTrack, time: np.ndarray, findings: Findings) -> None:
@@ -108,7 +109,7 @@ def check(world: World, findings: Findings) -> None:
     """Reports joints that violate a limit, jump, start elsewhere, or do not rest at both ends."""
     time, dt = world.document.time, world.document.dt
     _start(world, findings)
-    for track in _tracks(world):
+    for track in tracks(world):
         _position(track, time, findings)
         _velocity(track, time, dt, findings)
         _acceleration(track, time, dt, findings)

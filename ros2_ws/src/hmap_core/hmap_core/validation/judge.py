@@ -1,6 +1,18 @@
 """The judge: reads a plan, runs every check, and returns the verdict."""
 
-from hmap_core.validation import collision, contacts, document, joints, loads, objects, physics
+from hmap_core.validation import (
+    collision,
+    contacts,
+    document,
+    grips,
+    joints,
+    loads,
+    objects,
+    physics,
+    removals,
+    switches,
+    toppling,
+)
 from hmap_core.validation.pairs import PairBuilder
 from hmap_core.validation.report import Findings, Report
 from hmap_core.validation.support import SupportCheck
@@ -32,11 +44,15 @@ def check(plan: dict) -> Report:
     findings = Findings()
     made = contacts.collect(world)
     joints.check(world, findings)
+    switches.check(world, findings)
     objects.check(world, made, findings)
+    removals.check(world, findings)
     contacts.check(world, made, findings)
+    grips.check(world, made, findings)
     support = SupportCheck(world, made, findings)
     support.run()
     physics.check(world, made, findings)
+    toppling.check(world, made, findings)
     loads.check(world, made, findings)
     pairs = PairBuilder(world, _may_touch(made, support.pairs))
     clearance = collision.check(world, pairs.build(NEAR), findings)

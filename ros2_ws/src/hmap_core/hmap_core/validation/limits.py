@@ -37,6 +37,8 @@ CONTACT_GAP = 1e-3  # m, largest distance between a manipulator and the surface 
 SLIP_POSITION = 1e-3  # m
 SLIP_ROTATION = math.radians(0.5)
 OPPOSITE_NORMALS = math.radians(30.0)  # largest angle between one finger's contact normal and the other's, reversed
+ONE_SIDE = math.radians(90.0)  # largest angle between the contact normals of the fingers of a push
+PAD_OFFSET = 2e-3  # m that a pad may be off along the face that it grasps; it then still reaches the object
 
 # --- support ---
 SUPPORT_GAP = 1e-3  # m, largest distance between an object and its support

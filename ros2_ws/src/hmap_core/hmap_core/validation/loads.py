@@ -32,10 +32,12 @@ def check(world: World, contacts: list[Contact], findings: Findings) -> None:
         lifted = _lifted(contact, finder)
         if lifted.any():
             _check_held(contact, lifted, _holders(contact, grasps), findings)
+        elif np.ptp(world.poses[contact.object][contact.window, :3], axis=0).max() > limits.LIFTED:
+            _check_pushed(contact, findings)  # it is dragged
 
 
 def _check_pushed(contact: Contact, findings: Findings) -> None:
-    """Checks that the friction of a pushed object on its support is not above the weight that the arm carries."""
+    """Checks that the friction of a pushed or dragged object with its support is within what the arm carries."""
     body, payload = contact.world.document.bodies[contact.object], contact.world.arms[contact.robot].data.payload
     findings.check(Kind.PAYLOAD, contact.bodies, contact.segment.start, body.friction * body.mass, payload)
 

@@ -39,14 +39,15 @@ def _patch(world: World, tip: Part, target: Part, k: int) -> tuple[np.ndarray, n
     return (point[None] if corners is None else corners), normal
 
 
-def _patches(contact: Contact) -> list[tuple[np.ndarray, np.ndarray]]:
+def patches(contact: Contact) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The contact patches at the first sample: corners (n, 3) and the unit normal (3,) into the object, world frame."""
     world, k = contact.world, contact.segment.first
     targets = world.parts_of(contact.object)
     found = [_patch(world, a, b, k) for parts in contact.touching.values() for a in parts for b in targets]
     return [patch for patch in found if patch is not None]
 
 
-def _friction(contact: Contact) -> float:
+def friction_of(contact: Contact) -> float:
     """Lateral friction coefficient of the contact: the lower one of the object and of the tool or fingers."""
     bodies = contact.world.document.bodies
     robot = contact.world.arms[contact.robot].data
@@ -66,9 +67,9 @@ def _edges(normal: np.ndarray, friction: float) -> list[np.ndarray]:
 def _wrenches(contact: Contact, length: float) -> np.ndarray:
     """Generators (3, m) of the feasible wrenches about the centre of mass: force, and torque / ``length``."""
     center = center_of_mass(contact.world, contact.object, contact.segment.first)
-    friction = _friction(contact)
+    friction = friction_of(contact)
     columns = []
-    for points, normal in _patches(contact):
+    for points, normal in patches(contact):
         for edge in _edges(normal, friction):
             for x, y in points[:, :2] - center[:2]:
                 columns.append([*edge, (x * edge[1] - y * edge[0]) / length])

@@ -6,7 +6,7 @@ the centre of mass must project into it. If it does not, or if the object could 
 decides (:mod:`hmap_core.validation.rest`).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy
@@ -37,12 +37,14 @@ class Support:
         inside: distance of the centre of mass from the edge of the support region in the horizontal plane, m; negative
             outside.
         stays: whether contact forces keep the object where it is; None if the support region alone decides.
+        region: (n, 2) corners of the support patches in the horizontal plane; None without support.
     """
 
     bodies: frozenset[str]
     gap: float
     inside: float
     stays: bool | None = None
+    region: np.ndarray | None = field(default=None, compare=False, repr=False)
 
     @property
     def stable(self) -> bool:
@@ -158,8 +160,9 @@ class SupportFinder:
                 patches.append(patch[:, :2])
                 rolls |= self._round(part, k)
         center = center_of_mass(self._world, name, k)
-        inside = _inside(np.vstack(patches), center[:2]) if patches else -np.inf
-        support = Support(frozenset(carriers), gap, inside)
+        region = np.vstack(patches) if patches else None
+        inside = _inside(region, center[:2]) if region is not None else -np.inf
+        support = Support(frozenset(carriers), gap, inside, region=region)
         if gap <= limits.SUPPORT_GAP and (not support.stable or (released and rolls)):
             support = replace(support, stays=rest.stays(self._world, name, list(dict.fromkeys(near)), center, k))
         return support
@@ -242,7 +245,7 @@ def _report(support: Support, name: str, time: float, findings: Findings) -> Non
         findings.add(Kind.UNSUPPORTED, bodies, time, -support.inside, -limits.STABLE_MARGIN, -support.inside)
 
 
-def _pushed_samples(world: World, contact: Contact) -> list[int]:
+def travelled(world: World, contact: Contact) -> list[int]:
     """Samples of a push at which the support is checked: every ``SUPPORT_CHECK_STEP`` of travel, and the end."""
     poses = world.poses[contact.object][contact.window]
     travel = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1))])
@@ -300,5 +303,5 @@ class SupportCheck:
 
     def _check_pushed(self, contact: Contact) -> None:
         """Checks that the scene, and not the robot, supports a pushed object."""
-        for k in _pushed_samples(self._world, contact):
+        for k in travelled(self._world, contact):
             _report(self._find(contact.object, k), contact.object, self._world.document.time[k], self._findings)

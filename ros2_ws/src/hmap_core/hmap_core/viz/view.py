@@ -54,13 +54,13 @@ def camera_for(plan: Plan, width: int, height: int, samples: Sequence[int] | Non
     with Stage(plan) as stage:
         framed = _framed(stage, samples)
         usual = _usual_azimuth(plan, framed)
-        cameras, scores = [], []
+        cameras, preferences = [], []
         for turn in 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS:
             for step, elevation in enumerate(ELEVATIONS):
                 cameras.append(camera_around(framed, usual + float(turn), width, height, elevation))
-                scores.append(-ASIDE * (1.0 - np.cos(turn)) / 2.0 - STEEP * abs(step - USUAL))
+                preferences.append(-ASIDE * (1.0 - np.cos(turn)) / 2.0 - STEEP * abs(step - USUAL))
         moving = _moving(stage, samples)
-        scores = np.array(scores) + SIZE * np.array([_extent(camera, moving) for camera in cameras])
+        scores = np.array(preferences) + SIZE * np.array([_extent(camera, moving) for camera in cameras])
         scores += _visibility(stage, samples, cameras)
     return cameras[int(scores.argmax())]
 
