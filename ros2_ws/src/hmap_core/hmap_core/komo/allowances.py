@@ -11,16 +11,17 @@ RELAXATION = 1e-4  # m: what a minimum distance is lowered by beyond what the st
 VERIFY_SHARE = 2.0 / 3.0
 VERIFY_SLACK = 0.0005
 OVERLAP_ALLOWED = 0.001  # m that two parts may overlap where a motion starts or ends; the judge of plans allows as much
+CHORDS = 1e-4  # m that a path may overlap more than the chords at which it is verified
 ROUNDING = 1e-6  # m
 
 
 def verification(cols: Collisions) -> Collisions:
     """The same pairs with what an executed path may use up of their minimum distances.
 
-    No path may overlap by more than OVERLAP_ALLOWED because of that.
+    No path may overlap by more than OVERLAP_ALLOWED because of that, and its chords by CHORDS less.
     """
     used_up = cols.min_distance - np.maximum(VERIFY_SLACK, VERIFY_SHARE * cols.min_distance)
-    return cols._replace(min_distance=np.maximum(used_up, np.minimum(cols.min_distance, -OVERLAP_ALLOWED)))
+    return cols._replace(min_distance=np.maximum(used_up, np.minimum(cols.min_distance, CHORDS - OVERLAP_ALLOWED)))
 
 
 def relaxed(chain: Chain, cols: Collisions, q: np.ndarray, phases: int) -> Collisions:

@@ -1,11 +1,12 @@
 """A transit of one robot to a configuration or to a pose of its end effector, without any object."""
 
 import time
+from collections import deque
 from dataclasses import replace
-from itertools import cycle
 
 import numpy as np
 
+from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.exceptions import Code, InputError, MotionError
 from hmap_core.komo.allowances import OVERLAP_ALLOWED, RELAXATION
 from hmap_core.komo.features import pose_params
@@ -15,6 +16,7 @@ from hmap_core.komo.segment import Phase
 from hmap_core.komo.transcription import KomoProblem
 from hmap_core.planner import segments
 from hmap_core.planner.interfaces import SubTrajectory
+from hmap_core.planner.segments.transits import NoWayOut
 from hmap_core.trajectory.measured_limits import configuration_within_limits, within_limits
 from hmap_core.types import Scene, SceneState
 
@@ -43,7 +45,7 @@ def plan_motion(
 
     Joints and fingers that are beyond a limit by no more than a measurement may be are on it
     (:mod:`hmap_core.trajectory.measured_limits`); ``notes`` of what is returned say so. Start and goal may overlap with
-    something by OVERLAP_ALLOWED; the motion comes out of there and goes in.
+    something by OVERLAP_ALLOWED; the motion comes out of there and goes in. Where no motion does, that is told at once.
 
     Args:
         q: (n,) configuration in which it has to end, rad; or
@@ -54,7 +56,8 @@ def plan_motion(
 
     Raises:
         InputError: the robot is unknown, a value has the wrong shape or is beyond the limits, or the robot stands
-            in something at the start (START_IN_COLLISION) or at the goal (GOAL_IN_COLLISION).
+            in something at the start (START_IN_COLLISION) or at the goal (GOAL_IN_COLLISION), deeper than is allowed
+            or without a way out.
         MotionError: no configuration reaches the pose (OUT_OF_REACH), or no way was found (NO_MOTION).
     """
     deadline = time.monotonic() + time_limit
@@ -71,14 +74,21 @@ def plan_motion(
         goal, moved = configuration_within_limits(scene.robots[robot], q, "goal")
         _check_standing(scene, state, robot, goal, "goal", Code.GOAL_IN_COLLISION)
         goals, notes = [goal], (*notes, *moved)
-    tries = cycle(goals)
+    tries = deque(goals)
     while True:
         try:
-            motion = segments.go(scene, state, robot, next(tries), rng, deadline - time.monotonic())
+            motion = segments.go(scene, state, robot, tries[0], rng, deadline - time.monotonic())
             return replace(motion, notes=notes)
+        except NoWayOut as error:
+            if error.end == "start":
+                raise _enclosed(scene, state, robot, state.q[robot], "start", Code.START_IN_COLLISION) from error
+            last = tries.popleft()
+            if not tries:
+                raise _enclosed(scene, state, robot, last, "goal", Code.GOAL_IN_COLLISION) from error
         except MotionError:
             if time.monotonic() > deadline:
                 raise
+            tries.rotate(-1)
 
 
 def _check_standing(scene: Scene, state: SceneState, robot: str, q: np.ndarray, what: str, code: Code) -> None:
@@ -92,6 +102,16 @@ def _check_standing(scene: Scene, state: SceneState, robot: str, q: np.ndarray, 
             f"at most {OVERLAP_ALLOWED * 1e3:g} mm is allowed",
             code,
         )
+
+
+def _enclosed(scene: Scene, state: SceneState, robot: str, q: np.ndarray, what: str, code: Code) -> InputError:
+    """The error where no motion leads out of what a robot touches at q (n,)."""
+    names, depth = _standing(scene, state, robot, q)
+    return InputError(
+        f"'{robot}' is {depth * 1e3:.2f} mm inside at its {what}, and no motion leads out of there: "
+        f"{' and '.join(names)}",
+        code,
+    )
 
 
 def _checked_pose(pose: np.ndarray | None) -> np.ndarray:
@@ -117,11 +137,26 @@ def _configurations(scene: Scene, state: SceneState, robot: str, T_world_ee: np.
         overlapping = cols._replace(min_distance=np.minimum(cols.min_distance, RELAXATION - OVERLAP_ALLOWED))
         found = _found_by_ik(manipulation, problem.keeping(overlapping), T_world_ee, rng)
     if not found:
-        place = ", ".join(f"{value:.3f}" for value in T_world_ee[:3])
-        raise MotionError(
-            f"'{robot}' reaches no free configuration with its end-effector at ({place})", Code.OUT_OF_REACH
-        )
+        anywhere = _found_by_ik(manipulation, problem.among(CollisionModel()), T_world_ee, rng)
+        hits = [_standing(scene, state, robot, q) for q in anywhere]
+        found = [q for q, (_, depth) in zip(anywhere, hits, strict=True) if depth <= OVERLAP_ALLOWED]
+        if not found:
+            place = ", ".join(f"{value:.3f}" for value in T_world_ee[:3])
+            names, depth = min(hits, key=lambda hit: hit[1], default=((), 0.0))
+            inside = f"; it would be {depth * 1e3:.2f} mm inside: {' and '.join(names)}" if hits else ""
+            raise MotionError(
+                f"'{robot}' reaches no free configuration with its end-effector at ({place}){inside}",
+                Code.OUT_OF_REACH,
+            )
     return found[:CONFIGURATIONS]
+
+
+def _standing(scene: Scene, state: SceneState, robot: str, q: np.ndarray) -> tuple[tuple[str, ...], float]:
+    """What a robot touches most at q (n,): the names of the two parts, and how deep it is inside (m, 0 or more)."""
+    there = state.copy()
+    there.q[robot] = q
+    hit = segments.standing_collision(scene, there, robot, allowed=-RELAXATION)
+    return ((), 0.0) if hit is None else (hit[0], max(hit[1], 0.0))
 
 
 def _found_by_ik(

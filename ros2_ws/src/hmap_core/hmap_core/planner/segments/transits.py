@@ -16,6 +16,7 @@ from hmap_core.planner.interfaces import SubTrajectory
 from hmap_core.planner.segments.parts import at_rest
 from hmap_core.planner.segments.timing import timed_transit
 from hmap_core.planner.segments.verification import is_free
+from hmap_core.planner.segments.ways_out import is_tight, way_out
 from hmap_core.planner.transit import find_transit
 from hmap_core.planner.transit_search import FindTransit, TransitSearch
 from hmap_core.types import Scene, SceneState
@@ -26,21 +27,34 @@ SMOOTHNESS = 1.0 / 160.0  # weight of the squared accelerations, times the numbe
 STIFFNESS = 30.0  # first penalty of the constraints, as a multiple of that weight: first guesses are nearly feasible
 
 
+class NoWayOut(MotionError):
+    """No motion was found that leaves an overlap at an end of a transit.
+
+    Attributes:
+        end: "start" or "goal".
+    """
+
+    def __init__(self, reason: str, end: str):
+        super().__init__(reason)
+        self.end = end
+
+
 def standing_collision(
-    scene: Scene, state: SceneState, robot: str, object: str | None = None
+    scene: Scene, state: SceneState, robot: str, object: str | None = None, allowed: float = OVERLAP_ALLOWED
 ) -> tuple[tuple[str, str], float] | None:
-    """What a robot stands in by more than OVERLAP_ALLOWED: the names of the two parts and how deep (m); else None.
+    """What a robot stands in by more than is allowed: the names of the two parts and how deep (m); else None.
 
     Args:
         object: that is to be handled.
+        allowed: m.
     """
     manipulation = Manipulation(scene, state, robot, object)
     collisions = manipulation.standing_collisions()
     cols = collisions.arrays()
-    cols = cols._replace(min_distance=np.full_like(cols.min_distance, -OVERLAP_ALLOWED))
+    cols = cols._replace(min_distance=np.full_like(cols.min_distance, -allowed))
     q = np.ascontiguousarray(state.q[robot])[None]
     excess, pair = path_violations(q, np.ones(1, np.int64), manipulation.model.chain, cols, 0.0)
-    return None if pair[0] < 0 else (collisions.pair_name(int(pair[0])), float(excess[0]) + OVERLAP_ALLOWED)
+    return None if pair[0] < 0 else (collisions.pair_name(int(pair[0])), float(excess[0]) + allowed)
 
 
 def transit(
@@ -54,6 +68,9 @@ def transit(
 ) -> SubTrajectory:
     """Plan a transit of a robot past everything that stands.
 
+    Where it touches something at an end, or overlaps with it, and the optimiser finds no motion, it first leaves that
+    on a way out (:mod:`hmap_core.planner.segments.ways_out`).
+
     Args:
         scene, state: the world, and where everything is.
         robot: name of the robot.
@@ -63,17 +80,21 @@ def transit(
         find: searches a transit where the optimiser finds none.
 
     Raises:
+        NoWayOut: no motion leads out of an overlap at an end.
         MotionError: NO_MOTION.
     """
     manipulation = Manipulation(scene, state, robot, None)
     chain, start = manipulation.model.chain, state.q[robot]
     steps = transit_steps(start, q)
     problem = manipulation.problem(transit_skeleton(robot, q), (steps,), path_options(steps))
-    cols = _relaxed_at_ends(chain, problem.arrays(), start, q)
+    alone = problem.arrays()
+    cols = _relaxed_at_ends(chain, alone, start, q)
     result = problem.keeping(cols).solve(start, straight(start, q, steps))
     path = np.concatenate([start[None], result.path]) if result.feasible else None
     if path is not None and not is_free(chain, verification(cols), path):
         path = None
+    if path is None and is_tight(alone, cols):
+        return _by_ways_out(manipulation, alone, q, rng, deadline, find)
     search = TransitSearch(manipulation, problem.collisions, cols, start, q, 1, find)
     if path is None or not search.has_room(path):
         searched = _first_free(chain, verification(cols), search.ways(rng, deadline, path is None))
@@ -81,6 +102,37 @@ def transit(
         if path is None:
             raise MotionError(f"robot '{robot}' finds no way to move on: {result.worst}")
     return at_rest(scene, robot, timed_transit(scene, robot, path), state.gripper[robot])
+
+
+def _by_ways_out(
+    manipulation: Manipulation,
+    cols: Collisions,
+    q: np.ndarray,
+    rng: np.random.Generator,
+    deadline: float,
+    find: FindTransit,
+) -> SubTrajectory:
+    """A transit between configurations that keep all minimum distances, with ways out of start and goal q (n,).
+
+    Raises:
+        NoWayOut: there is no such way.
+        MotionError: NO_MOTION.
+    """
+    scene, state, robot = manipulation.scene, manipulation.state, manipulation.robot
+    ways = []
+    for end, configuration in (("start", state.q[robot]), ("goal", q)):
+        if not is_tight(cols, relaxed(manipulation.model.chain, cols, configuration, 1)):
+            ways.append(configuration[None])
+            continue
+        way = way_out(manipulation, cols, configuration, rng)
+        if way is None:
+            raise NoWayOut(f"robot '{robot}' finds no way out of what it touches at its {end}", end)
+        ways.append(way)
+    out = state.copy()
+    out.q[robot] = ways[0][-1]
+    between = transit(scene, out, robot, ways[1][-1], rng, deadline, find).trajectory.joints[robot]
+    leaving, coming = (timed_transit(scene, robot, way) if len(way) > 1 else way for way in (ways[0], ways[1][::-1]))
+    return at_rest(scene, robot, np.concatenate([leaving, between[1:], coming[1:]]), state.gripper[robot])
 
 
 def _relaxed_at_ends(chain: Chain, cols: Collisions, start: np.ndarray, goal: np.ndarray) -> Collisions:

@@ -39,32 +39,41 @@ def executed_spline(chain: Chain, path: np.ndarray) -> CubicSpline:
     return spline(path, np.array([chain.lower, chain.upper]))
 
 
-def worst_between_steps(chain: Chain, cols: Collisions, curve: CubicSpline, masks: Masks) -> tuple[float, int]:
+def worst_between_steps(
+    chain: Chain, cols: Collisions, curve: CubicSpline, masks: Masks, resolution: float = VERIFY_STEP
+) -> tuple[float, int]:
     """Worst violation (m) of a minimum distance along the spline of a path, and its pair (-1: none).
 
-    The spline is replaced by chords, from which no point of it is farther than VERIFY_DEVIATION.
+    The spline is replaced by chords, from which no point of it is farther than VERIFY_DEVIATION or the resolution.
+
+    Args:
+        resolution: m that a pair may come nearer between two looks without being noticed.
     """
+    deviation = min(VERIFY_DEVIATION, resolution)
     knots = curve.x
     speed = cols.speed.max(initial=1.0)  # what is attached or carried moves farther than the links
     bend = speed * np.abs(curve(knots, 2)) @ chain.reach  # m, of the squared chord length; linear between knots
     lengths = np.diff(knots)
-    counts = np.ceil(lengths * np.sqrt(np.maximum(bend[1:], bend[:-1]) / (8.0 * VERIFY_DEVIATION)))
+    counts = np.ceil(lengths * np.sqrt(np.maximum(bend[1:], bend[:-1]) / (8.0 * deviation)))
     first = np.concatenate([[0], np.cumsum(np.maximum(counts, 1.0))])  # number of the chord that begins at each knot
     ends = np.interp(np.arange(first[-1] + 1), first, knots)
     phases = np.where(ends[:-1] < masks.turn, masks.phases, masks.then).astype(np.int64)
     path = np.ascontiguousarray(curve(ends))
-    violation, pair, _ = between_violations(path, phases, chain, cols, VERIFY_STEP)
+    violation, pair, _ = between_violations(path, phases, chain, cols, resolution)
     worst = int(violation.argmax())
     return float(violation[worst]), int(pair[worst])
 
 
-def is_free(chain: Chain, cols: Collisions, path: np.ndarray, phases: int = 1) -> bool:
+def is_free(chain: Chain, cols: Collisions, path: np.ndarray, phases: int = 1, resolution: float = VERIFY_STEP) -> bool:
     """Whether the spline of a path (M, n) keeps the minimum distances of the phases of a bit mask.
+
+    Args:
+        resolution: as of :func:`worst_between_steps`.
 
     Raises:
         MotionError: a point of the path is beyond the joint limits.
     """
-    return worst_between_steps(chain, cols, executed_spline(chain, path), Masks(phases))[1] < 0
+    return worst_between_steps(chain, cols, executed_spline(chain, path), Masks(phases), resolution)[1] < 0
 
 
 def find_violations(
