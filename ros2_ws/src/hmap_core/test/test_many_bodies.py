@@ -1,21 +1,26 @@
 """Scenes of hundreds of bodies: what is left out is out of reach or out of sight."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from geometry_fixtures import box
 from many_parts_fixtures import parts, random_pose
+from simulation_fixtures import HOME
+from simulation_fixtures import scene as scene_of
 
 from hmap_core import planner
 from hmap_core.collision.convex import hull_vertices
+from hmap_core.exceptions import Code, MotionError
 from hmap_core.komo import surroundings
 from hmap_core.komo.shapes import posed_links
 from hmap_core.komo.workspace import Workspace
 from hmap_core.planner import sampled_contacts
 from hmap_core.planner.nearby_shapes import box_of, shapes_in_box
 from hmap_core.scenes import load_scene
-from hmap_core.transforms import apply
+from hmap_core.transforms import apply, from_rpy, pose
+from hmap_core.types import Body, BodyKind, Shape, ShapeKind
 
 FAR = tuple(box(f"far{k}", (0.3, 0.3, 0.3), (4.0 + 0.4 * k, -3.0, 0.5)) for k in range(60))
 
@@ -82,3 +87,32 @@ def test_the_plan_is_the_same_as_with_all_of_them(monkeypatch):
     every = planner.plan(scene, seed=0, time_limit=120.0)
     for robot, joints in every.trajectory.joints.items():
         np.testing.assert_array_equal(plan.trajectory.joints[robot], joints)
+
+
+def divided(count: int, rng):
+    """An arm among ``count`` small boxes, none of them where it stands and where it is to go, and a wall between."""
+    home, goal = HOME, HOME + np.array([2.0, 0, 0, 0, 0, 0, 0])
+    robot = scene_of().robots["left"]
+    kept = np.concatenate([vertices for q in (home, goal) for _, vertices, *_ in posed_links(robot, q, 0.08)])
+    shapes = []
+    while len(shapes) < count:
+        at = rng.uniform([-0.9, -0.9, 0.02], [0.9, 0.9, 1.1])
+        if np.linalg.norm(at[:2]) > 0.25 and np.linalg.norm(kept - at, axis=1).min() > 0.08:
+            shapes.append(Shape(ShapeKind.BOX, tuple(rng.uniform(0.005, 0.02, 3)), pose(at, rng.standard_normal(4))))
+    walls = []
+    for near, low in ((0.16, 0.0), (0.12, 0.45), (0.0, 0.8)):
+        middle, extent = 0.5 * (near + 2.0), (2.0 - near, 0.02, 2.0 - low)
+        at = (middle * np.cos(1.0), middle * np.sin(1.0), 0.5 * (low + 2.0))
+        walls.append(replace(box(f"wall{len(walls)}", extent, (0, 0, 0)), pose=from_rpy(at, (0.0, 0.0, 1.0))))
+    return scene_of(Body("clutter", BodyKind.FIXED, tuple(shapes), pose()), *walls), goal
+
+
+@pytest.mark.parametrize("limit", [0.5, 1.5])
+def test_motions_of_an_arm_among_many_parts_keep_their_time_limit(limit):
+    rng = np.random.default_rng(0)
+    planner.plan_motion(scene_of(), "left", q=HOME + 0.1)  # what is compiled is loaded
+    world, goal = divided(1000, rng)
+    began = time.process_time()  # not the clock: other work on the machine does not count
+    with pytest.raises(MotionError) as error:
+        planner.plan_motion(world, "left", q=goal, time_limit=limit)
+    assert error.value.code == Code.NO_MOTION and time.process_time() - began < 1.1 * limit
