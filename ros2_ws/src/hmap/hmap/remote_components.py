@@ -22,6 +22,7 @@ from hmap_core.planner import (
     PlannerComponents,
     RobotContact,
     SegmentQuery,
+    SharedQuery,
     SubTrajectory,
     ToolQuery,
     local_components,
@@ -138,7 +139,7 @@ class RosContactChecker:
 class RosSegmentPlanner:
     """Implements :class:`hmap_core.planner.protocols.SegmentPlanner`: segments by the service ``solve_segment``.
 
-    Picking and placing a tool is planned in this process.
+    Picking and placing a tool, and what two robots do together, is planned in this process.
     """
 
     def __init__(self, caller: Caller):
@@ -163,6 +164,10 @@ class RosSegmentPlanner:
     def plan_place(self, query: ToolQuery) -> SubTrajectory:
         """As the protocol says."""
         return self._local.plan_place(query)
+
+    def plan_shared(self, query: SharedQuery) -> SubTrajectory:
+        """As the protocol says."""
+        return self._local.plan_shared(query)
 
 
 def _fill(request: Any, scene: Scene, state: SceneState, seed: int, time_limit: float) -> None:

@@ -181,15 +181,21 @@ def alike(contacts: Sequence[ContactPoint]) -> list[list[int]]:
 
 
 def reachable(
-    manipulation: Manipulation, contacts: Sequence[ContactPoint], T_world_obj: np.ndarray, rng: np.random.Generator
+    manipulation: Manipulation,
+    contacts: Sequence[ContactPoint],
+    T_world_obj: np.ndarray,
+    rng: np.random.Generator,
+    from_home: bool = True,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Which contacts can be come to with the object at T_world_obj (7,): (ok (K,), configurations in contact (K,
-    n))."""
+    """Which contacts can be come to with the object at T_world_obj (7,): (ok (K,), configurations in contact (K, n)).
+
+    Inverse kinematics starts from home, unless ``from_home`` is False, and from random configurations.
+    """
     n = manipulation.model.n
     ok, q = np.zeros(len(contacts), bool), np.zeros((len(contacts), n))
     chain = manipulation.model.chain
     home = manipulation.scene.robots[manipulation.robot].model.home
-    starts = [home, *rng.uniform(chain.lower, chain.upper, (RESTARTS, n))]
+    starts = [home] * from_home + [*rng.uniform(chain.lower, chain.upper, (RESTARTS, n))]
     for members in alike(contacts):
         index = np.array(members)
         collisions = manipulation.coming_collisions(contacts[members[0]], T_world_obj)

@@ -8,7 +8,7 @@ Links keep away from everything, at all times. What a skeleton says changes that
   ``ContactPoint``) gives the minimum distance by its kind: fingers that touch may be TOUCH_ALLOWANCE inside, everything
   else keeps OBJECT_CLEARANCE. Such distances are alike for all contacts that open alike, which share collision models.
   A contact given as a bare pose lowers the minimum distances to what the hand has there.
-- What hangs on a hand moves rigidly with it.
+- What hangs on a hand moves rigidly with it. A second hand that grasps it for whole phases does, too.
 - A carried object may be as near to what stands around as it is where it is picked and placed. Where its pose is
   prescribed at every step, this counts in verification only (VERIFIED_ONLY): that path was planned free.
 - An object above its support touches it.
@@ -79,6 +79,12 @@ class Clearances:
         self._near: dict[tuple[str, ...], list[tuple[SkeletonEntry, int]]] = defaultdict(list)
         for entry in self._skeleton.of(Symbol.TOUCH, Symbol.STABLE):
             self._near[entry.frames].append((entry, mask(_around(entry, self._skeleton.phases))))
+        # phases in which a hand grasps an object that hangs on another one
+        self._grasped: dict[tuple[str, ...], int] = defaultdict(int)
+        for entry in self._skeleton.of(Symbol.TOUCH):
+            contact = self._skeleton.contact(entry)
+            if isinstance(contact, ContactPoint) and contact.kind == ContactKind.GRASP:
+                self._grasped[entry.frames] |= mask(range(math.ceil(entry.phase0), math.floor(entry.phase1)))
         self.openings = tuple((name, self._openings(name)) for name in self._workspace.robots)
         self.around = self._workspace.surroundings(frozenset(timeline.handled), self.openings)
 
@@ -128,6 +134,8 @@ class Clearances:
         found = []
         for k, (place, phases) in enumerate(runs):
             known = [run[0].T for run in runs[max(0, k - 1) : k + 2] if run[0].frame == 0]
+            if k == 0 and place.frame > 0:  # it hangs on a hand from the start
+                known.append(self._timeline.start[name])
             known = list({T.tobytes(): T for T in (*known, *self._targets(name, phases))}.values())
             prescribed = place.frame > 0 and self._skeleton.prescribes(name, phases)
             found.append(_Stay(name, place, mask(phases), known, prescribed))
@@ -168,7 +176,7 @@ class Clearances:
         Args:
             touches: whether it is this part that touches in a contact.
         """
-        left = part.phases & stay.phases
+        left = part.phases & stay.phases & ~self._grasped.get((robot, stay.name), 0)
         found: dict[float, int] = defaultdict(int)
         for entry, around in self._near.get((robot, stay.name), ()):
             phases = left & around

@@ -5,6 +5,7 @@ of pick and place in manipulation planning: transit, approach, transfer (here ca
 push), retreat. The planner and the benchmark build their skeletons of these functions.
 """
 
+from collections.abc import Sequence
 from enum import IntEnum
 
 import numpy as np
@@ -132,6 +133,26 @@ def segment_skeleton(
         *contact_entries(robot, object, contact, Phase.APPROACH.end, Phase.HOLD.end, object_poses[1:]),
     ]
     return Skeleton([*entries, retreat_entry(robot, contact, object_poses[-1])] if leaves else entries)
+
+
+def shared_skeleton(
+    robots: Sequence[str], object: str, contacts: Sequence[ContactPoint], object_poses: np.ndarray
+) -> Skeleton:
+    """One phase in which several hands carry an object: a closed chain.
+
+    The object hangs on the first hand; the others stay at their contacts with it.
+
+    Args:
+        robots: names, each with its contact.
+        object_poses: (K, 7) of the object at every step.
+    """
+    (first, *others), (contact, *theirs) = robots, contacts
+    entries = [
+        SkeletonEntry(0, 1, Symbol.STABLE, (first, object), contact),
+        SkeletonEntry(0, 1, Symbol.POSE_EQ, (object,), object_poses),
+        *(SkeletonEntry(0, 1, Symbol.TOUCH, (name, object), own) for name, own in zip(others, theirs, strict=True)),
+    ]
+    return Skeleton(entries)
 
 
 def approach_skeleton(robot: str, object: str, contact: ContactPoint, T_world_obj: np.ndarray) -> Skeleton:

@@ -17,6 +17,7 @@ from hmap_core.planner.protocols import (
     ObjectPathQuery,
     SegmentPlanner,
     SegmentQuery,
+    SharedQuery,
     ToolQuery,
 )
 from hmap_core.planner.search import J_MAX
@@ -40,6 +41,7 @@ __all__ = [
     "RobotContact",
     "SegmentPlanner",
     "SegmentQuery",
+    "SharedQuery",
     "SubTrajectory",
     "ToolQuery",
     "local_components",

@@ -6,7 +6,7 @@ made at the start and released at the goal comes first, and its hand goes with t
 (Algorithm 2).
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -55,23 +55,46 @@ def attached_paths(
         time_limit: seconds for each path.
         checks: largest number of motions whose validity is checked for each path.
     """
-    motion = "spatial" if scene.motion == "auto" else scene.motion  # what is held can be lifted
-    object, body = goal.object, scene.bodies[goal.object]
     for robot, contact in hands:
-        joined = with_hand(body, scene.robots[robot], contact)
-        beside = _removable_in(scene, state, joined, state.poses[object])
-        around = replace(without(scene, beside), motion=motion)
-        around = replace(around, bodies=around.bodies | {object: joined})
-        seed = int(rng.integers(2**31 - 1))
-        try:
-            query = ObjectPathQuery(around, state, goal, seed, time_limit, checks)
-            poses = planner.plan_path(query).poses
-            yield AttachedPath(object, poses, robot, contact, beside)
-        except NoObjectPath as error:
-            if error.free_without and error.path_without is not None:
-                yield AttachedPath(object, error.path_without.poses, robot, contact, (*beside, *error.free_without))
-        except InputError:
-            continue  # a box round a link is larger than the link
+        found = path_with_hands(planner, scene, state, goal, [(robot, contact)], rng, time_limit, checks)
+        if found is not None:
+            yield AttachedPath(goal.object, found[0], robot, contact, found[1])
+
+
+def path_with_hands(
+    planner: ObjectPathPlanner,
+    scene: Scene,
+    state: SceneState,
+    goal: Goal,
+    hands: Sequence[tuple[str, ContactPoint]],
+    rng: np.random.Generator,
+    time_limit: float,
+    checks: int = CHECKS,
+) -> tuple[np.ndarray, tuple[str, ...]] | None:
+    """Plan the path of an object to its goal with several hands attached at once.
+
+    Arguments as of :func:`attached_paths`.
+
+    Returns:
+        The path (M, 7), and the removable bodies that block it; None where there is no path.
+    """
+    motion = "spatial" if scene.motion == "auto" else scene.motion  # what is held can be lifted
+    object, joined = goal.object, scene.bodies[goal.object]
+    for robot, contact in hands:
+        joined = with_hand(joined, scene.robots[robot], contact)
+    beside = _removable_in(scene, state, joined, state.poses[object])
+    around = replace(without(scene, beside), motion=motion)
+    around = replace(around, bodies=around.bodies | {object: joined})
+    seed = int(rng.integers(2**31 - 1))
+    try:
+        query = ObjectPathQuery(around, state, goal, seed, time_limit, checks)
+        return planner.plan_path(query).poses, beside
+    except NoObjectPath as error:
+        if error.free_without and error.path_without is not None:
+            return error.path_without.poses, (*beside, *error.free_without)
+    except InputError:
+        pass  # a box round a link is larger than the link
+    return None
 
 
 def _removable_in(scene: Scene, state: SceneState, joined: Body, T: np.ndarray) -> tuple[str, ...]:

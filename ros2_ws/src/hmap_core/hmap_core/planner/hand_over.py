@@ -1,7 +1,6 @@
 """Hand-over: one robot brings an object to a meeting pose, another one grasps it there and takes it over.
 
-Both hands hold the object for a moment, and both robots stand then. The giver moves the object as an attached body
-from its support to the meeting pose, the taker from there to the goal.
+The motions are in :mod:`hmap_core.planner.segments.hand_over`.
 """
 
 from collections.abc import Iterator
@@ -10,18 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hmap_core.collision.convex import from_hulls, set_distance
-from hmap_core.contacts.feasibility import reachable
-from hmap_core.exceptions import MotionError
 from hmap_core.kinematics.arm import load_arm
-from hmap_core.komo.manipulation import Manipulation
-from hmap_core.planner import segments
-from hmap_core.planner.context import SearchContext
-from hmap_core.planner.interfaces import RobotContact, SubTrajectory
+from hmap_core.planner.interfaces import RobotContact
 from hmap_core.planner.manipulation_graph.grasp_sets import GraspSet
-from hmap_core.planner.solution_sequence import SolutionSequence
+from hmap_core.planner.segments.hand_over import contact_at
 from hmap_core.planner.surroundings import away_from_home
 from hmap_core.transforms import apply, from_rpy, multiply
-from hmap_core.types import ContactPoint, Scene, SceneState, Segment, SegmentKind
+from hmap_core.types import ContactPoint, Scene, SceneState
 
 POSES = 64  # meeting poses that are sampled for two robots
 ASIDE = 0.15  # m, largest distance of a meeting pose from the middle between the shoulders, along each level axis
@@ -101,67 +95,20 @@ def _hand(scene: Scene, robot: str):
     return lambda opening: from_hulls(arm.hand(opening))
 
 
-class HandOverMotions:
-    """The motions of one hand-over, one after the other.
+def contacts_of(
+    scene: Scene, state: SceneState, object: str, meeting: Meeting, T_goal: np.ndarray, rng: np.random.Generator
+) -> tuple[RobotContact, RobotContact]:
+    """The contacts of a meeting with their configurations: the giver's at the present pose and at the meeting, the
+    taker's at the meeting and at T_goal (7,).
 
-    Args:
-        context: the job.
-        scene: with the object as a body.
-        object: its name.
+    Raises:
+        MotionError: NO_MOTION; an arm does not reach one of them.
     """
-
-    def __init__(self, context: SearchContext, scene: Scene, object: str):
-        self._context, self._scene, self._object = context, scene, object
-        self._rng = context.child_rng()
-
-    def plan(self, sequence: SolutionSequence, meeting: Meeting, T_goal: np.ndarray) -> SolutionSequence:
-        """The sequence after a hand-over that ends with the object at T_goal (7,).
-
-        Raises:
-            MotionError: an arm does not reach one of the poses, or there is no motion.
-        """
-        scene, object, giver, taker = self._scene, self._object, meeting.giver, meeting.taker
-        start = sequence.state.poses[object]
-        clear = away_from_home(scene, sequence.state, giver)
-        given = replace(self._contact(sequence.state, giver, meeting.given, start), clear=clear)
-        meet = self._contact(sequence.state, giver, meeting.given, meeting.T)
-        self._contact(sequence.state, taker, meeting.taken, T_goal)
-        self._contact(sequence.state, taker, meeting.taken, meeting.T)
-        sequence = sequence.after(segments.pick(scene, sequence.state, given, object, self._rng, self._time))
-        carrying = segments.attach_body(scene, giver, object, meeting.given, start)
-        sequence = self._go(carrying, sequence, giver, meet.keyframes[0])
-        T = sequence.state.poses[object]
-        taken = self._contact(sequence.state, taker, meeting.taken, T)
-        coming = segments.come(scene, sequence.state, taken, object, self._rng, self._time)
-        sequence = sequence.after(self._held(coming, giver, meeting.given))
-        released = RobotContact(giver, meeting.given, 0, sequence.state.q[giver][None])
-        leaving = segments.leave(scene, sequence.state, released, object)
-        sequence = sequence.after(self._held(leaving, taker, meeting.taken))
-        carrying = segments.attach_body(scene, taker, object, meeting.taken, T)
-        sequence = self._go(carrying, sequence, giver, scene.robots[giver].model.home)
-        placed = self._contact(sequence.state, taker, meeting.taken, T_goal)
-        motion = segments.place(scene, sequence.state, placed, object, T_goal, self._rng, self._time)
-        return sequence.after(motion)
-
-    @property
-    def _time(self) -> float:
-        return self._context.time_left()
-
-    def _go(self, scene: Scene, sequence: SolutionSequence, robot: str, q: np.ndarray) -> SolutionSequence:
-        return sequence.after(segments.go(scene, sequence.state, robot, q, self._rng, self._time))
-
-    def _contact(self, state: SceneState, robot: str, contact: ContactPoint, T: np.ndarray) -> RobotContact:
-        """A contact with the object at T (7,) and the configuration that reaches it. Raises MotionError."""
-        there = state.copy()
-        there.poses[self._object] = T
-        ok, q = reachable(Manipulation(self._scene, there, robot, self._object), [contact], T, self._rng)
-        if not ok[0]:
-            place = ", ".join(f"{value:.3f}" for value in T[:3])
-            raise MotionError(f"'{robot}' does not reach its grasp on '{self._object}' at ({place})")
-        return RobotContact(robot, contact, 0, q)
-
-    def _held(self, motion: SubTrajectory, robot: str, contact: ContactPoint) -> SubTrajectory:
-        """A motion during which another robot holds the object still."""
-        link, end = self._scene.robots[robot].model.end_effector_link, float(motion.trajectory.time[-1])
-        hold = Segment(0.0, end, robot, link, self._object, SegmentKind.GRASP, contact.T_obj_ee)
-        return replace(motion, segments=(*motion.segments, hold))
+    start, found = state.poses[object], []
+    for robot, contact, ends in (
+        (meeting.giver, meeting.given, (start, meeting.T)),
+        (meeting.taker, meeting.taken, (meeting.T, T_goal)),
+    ):
+        own = [contact_at(scene, state, robot, object, contact, T, rng).keyframes[0] for T in ends]
+        found.append(RobotContact(robot, contact, 1, np.array(own)))
+    return replace(found[0], clear=away_from_home(scene, state, meeting.giver)), found[1]

@@ -5,7 +5,7 @@ import numpy as np
 from hmap_core.planner import segments
 from hmap_core.planner.interfaces import SubTrajectory
 from hmap_core.planner.lifting import lifted
-from hmap_core.planner.protocols import SegmentQuery, ToolQuery, TransitPlanner
+from hmap_core.planner.protocols import SegmentQuery, SharedQuery, ToolQuery, TransitPlanner
 from hmap_core.planner.sampled_contacts import TURNING_SHARE
 from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.planner.transit import TreeTransit
@@ -55,3 +55,13 @@ class KomoSegmentPlanner:
         grasp, rng = query.tool_grasp, np.random.default_rng(query.seed)
         contact, T = grasp.contact, grasp.T_place
         return segments.place(query.scene, query.state, contact, grasp.tool, T, rng, query.time_limit, self._find)
+
+    def plan_shared(self, query: SharedQuery) -> SubTrajectory:
+        """Plan how two robots carry an object together, or pass it on.
+
+        Raises:
+            MotionError: NO_MOTION.
+        """
+        rng = np.random.default_rng(query.seed)
+        plan = segments.pass_on if query.hand_over else segments.carry_together
+        return plan(query.scene, query.state, query.object, query.contacts, query.object_poses, rng, query.time_limit)

@@ -23,6 +23,7 @@ from hmap_core.waypoints import DEFAULT_MIN_DISTANCE, ObjectPathProblem
 from hmap_core.waypoints.checker import Geometry, ObjectChecker
 
 LIFT = 0.01  # m off the support
+RISE = 3  # steps of a straight way up
 SAME_HEIGHT = 1e-3  # m; a path that is lower has left the support
 
 
@@ -104,6 +105,15 @@ def raised(poses: np.ndarray, head: int, tail: int) -> np.ndarray:
     higher[count - tail : count - 1, 2] = np.maximum(higher[count - tail : count - 1, 2], poses[-1, 2] + LIFT)
     higher[[0, -1]] = poses[[0, -1]]
     return higher
+
+
+def raised_at_ends(poses: np.ndarray) -> np.ndarray:
+    """The poses (M, 7) and some more, so that the path leaves the support at its start straight upwards, and reaches
+    the one at its end straight from above.
+    """
+    higher = raised(poses, _low(poses), _low(poses[::-1]))
+    up = np.outer(np.linspace(0.0, LIFT, RISE + 1), np.eye(7)[2])
+    return np.concatenate([higher[0] + up, higher[1:-1], (higher[-1] + up)[::-1]])
 
 
 def _low(poses: np.ndarray) -> int:

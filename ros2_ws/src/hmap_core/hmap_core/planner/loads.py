@@ -5,6 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from hmap_core.contacts.grip_force import lifting_problem, sliding_problem
+from hmap_core.contacts.shared_load import PAYLOAD_SHARE, capacity
 from hmap_core.types import Goal, Scene, TaskMode
 
 LIFTED = 1e-3  # m between start and goal, beyond the tolerance of the goal, for which a body has to be lifted
@@ -49,6 +50,46 @@ def weight_problem(scene: Scene, object: str, robots: Iterable[str], lifted: boo
         return ""
     verb = "lift" if lifted else "move"
     return f"'{object}' weighs {body.mass:.4g} kg, which no robot can {verb}: {'; '.join(problems)}"
+
+
+def shared_problem(scene: Scene, object: str) -> str:
+    """Why no two robots can carry a body together, by its weight alone; empty if two can."""
+    body = scene.bodies[object]
+    able = {name: capacity(body, robot.model) for name, robot in scene.robots.items() if robot.model.gripper}
+    if len(able) < 2:
+        return "there is no second robot with a gripper that could carry a part of it"
+    if scene.motion == "planar":
+        return "two robots cannot lift it together, since the task's motion is planar"
+    best = sorted(able, key=lambda name: -able[name])[:2]
+    if body.mass <= PAYLOAD_SHARE * sum(able[name] for name in best):
+        return ""
+    each = " and ".join(f"'{name}' {able[name]:.3g} kg" for name in best)
+    return f"two robots together carry too little as well: {each}"
+
+
+def needs_two_robots(scene: Scene, object: str, T_start: np.ndarray, goal: Goal) -> bool:
+    """Whether no robot can move a body from T_start (7,) to a goal alone, by its weight, and two might."""
+    if len(scene.robots) < 2 or scene.mode == TaskMode.KINEMATIC:
+        return False
+    return bool(_alone(scene, object, T_start, goal)) and not shared_problem(scene, object)
+
+
+def no_robot_moves(scene: Scene, object: str, T_start: np.ndarray, goal: Goal) -> str:
+    """Why neither one robot nor two can move a body from T_start (7,) to a goal, by its weight; empty if they can."""
+    problem = _alone(scene, object, T_start, goal)
+    if not problem or len(scene.robots) < 2:
+        return problem
+    together = shared_problem(scene, object)
+    return together and f"{problem}; {together}"
+
+
+def _alone(scene: Scene, object: str, T_start: np.ndarray, goal: Goal) -> str:
+    """Why no robot can move a body alone, by its weight."""
+    lifted = has_to_be_lifted(T_start, goal)
+    problem = weight_problem(scene, object, scene.robots, lifted)
+    if problem and not lifted:  # it may be lifted instead
+        problem = weight_problem(scene, object, scene.robots, True) and problem
+    return problem
 
 
 def _up(T: np.ndarray) -> np.ndarray:

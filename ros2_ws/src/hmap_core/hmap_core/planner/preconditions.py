@@ -10,7 +10,7 @@ from hmap_core.komo.allowances import OVERLAP_ALLOWED
 from hmap_core.komo.shapes import body_set
 from hmap_core.komo.surroundings import robot_set
 from hmap_core.planner.attainable_goal import TOUCHING, attainable_goal
-from hmap_core.planner.loads import changes_height, has_to_be_lifted, tilts, weight_problem
+from hmap_core.planner.loads import changes_height, no_robot_moves, tilts
 from hmap_core.planner.obstruction import carried_by, stacked_on
 from hmap_core.planner.segments import standing_collision
 from hmap_core.planner.tools import extent
@@ -114,15 +114,12 @@ def _distances(
 
 
 def check_weight(scene: Scene, state: SceneState, goal: Goal) -> None:
-    """Checks that some robot can move an object by its weight: grip force and payload, for lifting and for sliding.
+    """Checks that one robot, or two together, can move an object by its weight: grip force and payload.
 
     Raises:
-        ContactError: NO_CONTACT; no robot can, with the forces.
+        ContactError: NO_CONTACT; none can, with the forces.
     """
-    lifted = has_to_be_lifted(state.poses[goal.object], goal)
-    problem = weight_problem(scene, goal.object, scene.robots, lifted)
-    if problem and not lifted:  # it may be lifted instead
-        problem = weight_problem(scene, goal.object, scene.robots, True) and problem
+    problem = no_robot_moves(scene, goal.object, state.poses[goal.object], goal)
     if problem:
         raise ContactError(problem, Code.NO_CONTACT)
 

@@ -212,6 +212,35 @@ class ToolQuery:
     time_limit: float = np.inf
 
 
+@dataclass(frozen=True)
+class SharedQuery:
+    """The motion in which two robots handle one object together.
+
+    They carry it by two grasps, or the first one passes it to the second one.
+
+    Attributes:
+        scene, state: the world, and where everything is.
+        object: name of the object.
+        contacts: of the two robots; the first one grasps first. Where both carry the object, each has configurations
+            at all of the poses. When one passes it on, the giver's are for the
+            first two poses, the taker's for the last two.
+        object_poses: (K, 7) poses of the object from the present one on, world frame. When it is passed on, three: the
+            present one, the one at which it is passed on, and the last one.
+        seed: the only source of randomness.
+        time_limit: seconds of wall-clock time.
+        hand_over: whether the first robot passes the object to the second one.
+    """
+
+    scene: Scene
+    state: SceneState
+    object: str
+    contacts: tuple[RobotContact, ...]
+    object_poses: np.ndarray
+    seed: int = 0
+    time_limit: float = np.inf
+    hand_over: bool = False
+
+
 @runtime_checkable
 class SegmentPlanner(Protocol):
     """Plans the motions of robots for given contacts (KOMO, eq. 2 of the paper)."""
@@ -226,6 +255,10 @@ class SegmentPlanner(Protocol):
 
     def plan_place(self, query: ToolQuery) -> SubTrajectory:
         """Plan the motion in which a robot places its tool where it picked it. Raises MotionError."""
+        ...
+
+    def plan_shared(self, query: SharedQuery) -> SubTrajectory:
+        """Plan the motion in which two robots carry an object together, or pass it on. Raises MotionError."""
         ...
 
 

@@ -13,6 +13,7 @@ from hmap_core.exceptions import PlannerError
 from hmap_core.planner import reachability, steps
 from hmap_core.planner.context import SearchContext
 from hmap_core.planner.interfaces import RobotContact, ToolGrasp
+from hmap_core.planner.loads import needs_two_robots
 from hmap_core.planner.obstacle_removal import ObstacleRemoval, RemovalError, StuckError
 from hmap_core.planner.outcome import Failure, Outcome, Solution
 from hmap_core.planner.relaxed import RelaxedSolution
@@ -92,7 +93,10 @@ class Search:
                 it from its start.
         """
         kinematic = self.context.scene.mode == TaskMode.KINEMATIC
-        task = PathTask(subgoal, sequence, number, kinematic)
+        heavy = subgoal.depth == 0 and needs_two_robots(
+            self.context.scene, subgoal.goal.object, sequence.state.poses[subgoal.goal.object], subgoal.goal
+        )
+        task = PathTask(subgoal, sequence, number, kinematic, heavy)
         with self.context.record.tree.attempt(f"round {number + 1}: '{subgoal.goal.object}' {subgoal.reason}"):
             outcome = self.run(PATH_STRATEGIES, task)
             if isinstance(outcome, Failure) and not outcome.ends_round:

@@ -25,6 +25,7 @@ class PathTask:
         sequence: what has been done already.
         number: of the round, from 0 on.
         kinematic: whether contacts carry in any direction.
+        needs_two: whether no robot can move the object alone, by its weight, and two might carry it.
         poses: (M, 7) the last path that was planned for the object alone.
         ready: the sequence once obstacles were removed from that path; None: they could not be, or there is no path.
     """
@@ -33,6 +34,7 @@ class PathTask:
     sequence: SolutionSequence
     number: int
     kinematic: bool = False
+    needs_two: bool = False
     poses: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
     ready: SolutionSequence | None = None
 

@@ -168,7 +168,7 @@ def _tool_grasp(world: World, segment: SegmentData) -> Contact:
     return Contact(world, segment, kind, tool, last.contact_pose if last else None, tool_grasp=True)
 
 
-def _worst(distances: np.ndarray, angles: np.ndarray) -> tuple[int, float, float]:
+def worst(distances: np.ndarray, angles: np.ndarray) -> tuple[int, float, float]:
     """The largest deviation relative to its limit.
 
     Returns:
@@ -191,14 +191,14 @@ def _check_pose(contact: Contact, findings: Findings) -> None:
     R, p = contact.relative(world.state, contact.window)
     if contact.expected is not None:
         off = rigid.deviation(R[:1], p[:1], rigid.matrices(contact.expected[3:]), contact.expected[:3])
-        _, amount, limit = _worst(*off)
+        _, amount, limit = worst(*off)
         findings.check(Kind.WRONG_CONTACT_POSE, contact.bodies, segment.start, amount, limit)
     steps = np.arange(segment.first, segment.last)
     R_half, p_half = contact.relative(world.between(steps, np.full(len(steps), 0.5)), slice(None))
     times = np.concatenate([world.document.time[contact.window], world.document.time[steps] + world.document.dt / 2])
     (R0,), (p0,) = contact.relative(world.state, slice(contact.began, contact.began + 1))
     off = rigid.deviation(np.concatenate([R, R_half]), np.concatenate([p, p_half]), R0, p0)
-    k, amount, limit = _worst(*off)
+    k, amount, limit = worst(*off)
     findings.check(Kind.SLIP, contact.bodies, times[k], amount, limit)
 
 

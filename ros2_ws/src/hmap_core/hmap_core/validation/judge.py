@@ -10,6 +10,7 @@ from hmap_core.validation import (
     objects,
     physics,
     removals,
+    shared,
     switches,
     toppling,
 )
@@ -49,6 +50,7 @@ def check(plan: dict) -> Report:
     removals.check(world, findings)
     contacts.check(world, made, findings)
     grips.check(world, made, findings)
+    shared.check(world, made, findings)
     support = SupportCheck(world, made, findings)
     support.run()
     physics.check(world, made, findings)

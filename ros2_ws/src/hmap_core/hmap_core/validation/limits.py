@@ -57,3 +57,4 @@ OPENING_SLACK = 1e-4  # m, tolerance of the opening range of a gripper during a 
 GRAVITY = 9.81  # m/s^2
 LIFTED = 1e-3  # m, rise or fall of an object's lowest point from which on its grasp carries it
 GRIP_SLACK = 0.02  # share by which the force that a grasp has to hold may exceed what the pads hold
+LEAST_LEVER = 0.01  # m between hands, seen from above, from which on lever arms say who carries how much

@@ -2,12 +2,13 @@
 
 Two pads that press with the gripper's force F hold at most 2 mu F across the closing axis by Coulomb friction, and one
 finger pushes back with at most F along it. A grasped object that has left its support needs its mass times the
-difference of its acceleration and gravity. Acceleration is the second difference of the centre of mass.
+difference of its acceleration and gravity; several hands share it by their lever arms. Acceleration is the second
+difference of the centre of mass.
 """
 
 import numpy as np
 
-from hmap_core.validation import limits
+from hmap_core.validation import limits, shared
 from hmap_core.validation.contacts import Contact
 from hmap_core.validation.report import Findings, Kind
 from hmap_core.validation.support import SupportFinder, center_of_mass
@@ -23,7 +24,7 @@ def check(world: World, contacts: list[Contact], findings: Findings) -> None:
     """
     if world.document.mode != "physical":
         return
-    grasps = [contact for contact in contacts if contact.kind == "grasp" and not contact.by_tool]
+    grasps = shared.grasps_of(contacts)
     finder = SupportFinder(world)
     for contact in contacts:
         if contact.kind == "push":
@@ -31,7 +32,7 @@ def check(world: World, contacts: list[Contact], findings: Findings) -> None:
     for contact in grasps:
         lifted = _lifted(contact, finder)
         if lifted.any():
-            _check_held(contact, lifted, _holders(contact, grasps), findings)
+            _check_held(contact, lifted, shared.shares(contact, grasps), findings)
         elif np.ptp(world.poses[contact.object][contact.window, :3], axis=0).max() > limits.LIFTED:
             _check_pushed(contact, findings)  # it is dragged
 
@@ -61,28 +62,17 @@ def _lowest(world: World, name: str, window: slice) -> np.ndarray:
     return np.min(heights, axis=0)
 
 
-def _holders(contact: Contact, grasps: list[Contact]) -> np.ndarray:
-    """How many grippers hold the object of a grasp at its samples: (n,)."""
-    first, last = contact.segment.first, contact.segment.last
-    count = np.zeros(last + 1 - first)
-    for other in grasps:
-        if other.object == contact.object:
-            low, high = max(first, other.segment.first), min(last, other.segment.last)
-            if low <= high and (other is contact or other.robot != contact.robot):
-                count[low - first : high + 1 - first] += 1.0
-    return count
-
-
-def _check_held(contact: Contact, lifted: np.ndarray, holders: np.ndarray, findings: Findings) -> None:
+def _check_held(contact: Contact, lifted: np.ndarray, share: np.ndarray, findings: Findings) -> None:
     world, window = contact.world, contact.window
     body, robot = world.document.bodies[contact.object], world.arms[contact.robot].data
     samples = contact.segment.first + np.flatnonzero(lifted)
     times = world.document.time[samples]
-    k = int(np.argmax((body.mass / holders)[lifted]))
-    findings.check(Kind.PAYLOAD, contact.bodies, times[k], body.mass / holders[lifted][k], robot.payload)
+    mass = body.mass * np.abs(share)
+    k = int(np.argmax(mass[lifted]))
+    findings.check(Kind.PAYLOAD, contact.bodies, times[k], mass[lifted][k], robot.payload)
     if robot.gripper is None or not np.isfinite(robot.gripper.force):
         return
-    force = body.mass / holders[:, None] * (_acceleration(contact) + limits.GRAVITY * UP)
+    force = mass[:, None] * (_acceleration(contact) + limits.GRAVITY * UP)
     R, _ = world.arms[contact.robot].end_effector(world.state.links[contact.robot])
     closing = R[window, :, 1]
     along = np.einsum("ni,ni->n", force, closing)

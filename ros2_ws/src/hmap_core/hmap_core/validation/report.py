@@ -17,6 +17,7 @@ class Kind(StrEnum):
     UNTOUCHED_MOTION = "untouched_motion"
     WRONG_CONTACT_POSE = "wrong_contact_pose"
     SLIP = "slip"
+    TORN_GRASP = "torn_grasp"
     CONTACT_MISSING = "contact_missing"
     GRASP_NOT_OPPOSED = "grasp_not_opposed"
     GRASP_AT_EDGE = "grasp_at_edge"

@@ -32,11 +32,13 @@ class GraspSet:
         robot: its name.
         contacts: the grasps, in the object's frame.
         manipulation: the robot about to handle the object; other robots are at home.
+        turning: largest share of the friction against turning between the fingers that the weight may use.
     """
 
     robot: str
     contacts: list[ContactPoint]
     manipulation: Manipulation
+    turning: float = TURNING_SHARE
     _masks: dict[bytes, np.ndarray] = field(default_factory=dict)
 
     def within_reach(self, T: np.ndarray) -> int:
@@ -49,7 +51,7 @@ class GraspSet:
         """Which grasps (K,) a hand alone could make with the object at T (7,), and lift it there."""
         key = T.tobytes()
         if key not in self._masks:
-            self._masks[key] = free_at(self.manipulation, self.contacts, T)
+            self._masks[key] = free_at(self.manipulation, self.contacts, T, self.turning)
         return self._masks[key]
 
     def reaches(self, T: np.ndarray, rng: np.random.Generator) -> bool:
@@ -85,18 +87,28 @@ def turned_over(contact: ContactPoint) -> ContactPoint:
     return replace(contact, T_obj_ee=multiply(contact.T_obj_ee, _HALF_TURN))
 
 
-def free_at(manipulation: Manipulation, contacts: list[ContactPoint], T: np.ndarray) -> np.ndarray:
-    """Which contacts (K,) are free for the hand with the object at T (7,), and do not turn when they lift it."""
+def free_at(
+    manipulation: Manipulation, contacts: list[ContactPoint], T: np.ndarray, turning: float = TURNING_SHARE
+) -> np.ndarray:
+    """Which contacts (K,) are free for the hand with the object at T (7,), and do not turn when they lift it.
+
+    The weight may use the share ``turning`` of the friction against turning between the fingers.
+    """
     if not contacts:
         return np.zeros(0, bool)
     scene, free = manipulation.scene, reach_bounds(manipulation, contacts, T[None]) >= 0
     gripper = scene.robots[manipulation.robot].model.require_gripper()
     share = weight_torque_ratio(scene.bodies[manipulation.handled], contacts, gripper, rotation_matrix(T)[2])
-    return free & (share <= TURNING_SHARE)
+    return free & (share <= turning)
 
 
 def grasp_sets(
-    scene: Scene, state: SceneState, object: str, ends: tuple[np.ndarray, np.ndarray], rng: np.random.Generator
+    scene: Scene,
+    state: SceneState,
+    object: str,
+    ends: tuple[np.ndarray, np.ndarray],
+    rng: np.random.Generator,
+    turning: float = TURNING_SHARE,
 ) -> list[GraspSet]:
     """Grasps of all robots on an object: those that serve at its start or its goal, and some others.
 
@@ -105,6 +117,8 @@ def grasp_sets(
         object: name of the object.
         ends: its start and goal pose (7,), world frame.
         rng: the only source of randomness.
+        turning: largest share of the friction against turning between the fingers that the weight may use; infinite
+            where another hand carries a part of it.
     """
     surface = sampled_surface(scene, state, object, ends[0], rng)
     body, found = scene.bodies[object], []
@@ -124,13 +138,13 @@ def grasp_sets(
         contacts = align_pads(contacts, hand.gripper)
         manipulation, _ = cleared(scene, state, object, name)
         kept: list[ContactPoint] = []
-        at_ends = [free_at(manipulation, contacts, T) for T in ends]
+        at_ends = [free_at(manipulation, contacts, T, turning) for T in ends]
         for wanted, most in ((at_ends[0] & at_ends[1], AT_ENDS), *((free, AT_ENDS) for free in at_ends)):
             kept += _thinned([contacts[k] for k in np.flatnonzero(wanted)], most)
         rest = ~(at_ends[0] | at_ends[1])
         kept += _thinned([contacts[k] for k in rng.permutation(np.flatnonzero(rest))[: 4 * ANYWHERE]], ANYWHERE)
         unique = list({contact.T_obj_ee.tobytes(): contact for contact in kept}.values())
-        found.append(GraspSet(name, drop_unfit_grasps(body, unique, robot), manipulation))
+        found.append(GraspSet(name, drop_unfit_grasps(body, unique, robot), manipulation, turning))
     return found
 
 

@@ -6,7 +6,9 @@ and a straight retreat.
 """
 
 from hmap_core.planner.segments.attached import attach_body
+from hmap_core.planner.segments.hand_over import pass_on
 from hmap_core.planner.segments.motions import come, go, leave, pick, place, solve_segment
+from hmap_core.planner.segments.shared_carry import carry_together
 from hmap_core.planner.segments.timing import (
     FREE_ACCELERATION,
     FREE_SPEED,
@@ -23,9 +25,11 @@ __all__ = [
     "HOLD_SPEED",
     "SAMPLE_PERIOD",
     "attach_body",
+    "carry_together",
     "come",
     "go",
     "leave",
+    "pass_on",
     "pick",
     "place",
     "solve_segment",

@@ -3,6 +3,8 @@
 from hmap_core.planner.strategies.attached_path import AttachedPathStrategy
 from hmap_core.planner.strategies.attached_tool import AttachedToolStrategy
 from hmap_core.planner.strategies.by_hand import ByHand, ByHandToTheEnd, ByHandWhereverItReaches
+from hmap_core.planner.strategies.carry_heavy import CarryHeavy
+from hmap_core.planner.strategies.carry_together import CarryTogether
 from hmap_core.planner.strategies.hand_over import HandOver
 from hmap_core.planner.strategies.manipulation_graph import ManipulationGraphStrategy
 from hmap_core.planner.strategies.new_tool import NewTool
@@ -14,6 +16,7 @@ from hmap_core.planner.strategies.start_check import StartCheck
 
 # for a path of the object, one round of the outer loop
 PATH_STRATEGIES = (
+    CarryHeavy(),
     ObjectPathStrategy(),
     AttachedPathStrategy(),
     SlideFirst(),
@@ -21,6 +24,7 @@ PATH_STRATEGIES = (
     StartCheck(),  # what follows begins with a grasp or a push
     ManipulationGraphStrategy(),
     HandOver(),
+    CarryTogether(),
 )
 # at one waypoint, with all bodies where they are; they solve the relaxed problem, too
 CONTACT_STRATEGIES = (ByHandToTheEnd(), AttachedToolStrategy(), ByHand(), NewTool(), ByHandWhereverItReaches())

@@ -8,9 +8,10 @@ import numpy as np
 from hmap_core.exceptions import Code, MotionError, PlannerError
 from hmap_core.planner import steps
 from hmap_core.planner.goals import goal_of_round
-from hmap_core.planner.hand_over import HandOverMotions, meetings
+from hmap_core.planner.hand_over import contacts_of, meetings
 from hmap_core.planner.manipulation_graph.grasp_sets import grasp_sets
 from hmap_core.planner.outcome import Failure, Outcome, Solution
+from hmap_core.planner.protocols import SharedQuery
 from hmap_core.planner.tasks import PathTask
 
 if TYPE_CHECKING:
@@ -52,7 +53,18 @@ class HandOver:
                 context.report("motion", attempt=tries, text=f"{giver.robot} passes '{object}' to {taker.robot}")
                 with record.tree.attempt(f"{giver.robot} passes '{object}' to {taker.robot}") as node:
                     try:
-                        done = HandOverMotions(context, scene, object).plan(sequence, meeting, goal.pose)
+                        contacts = contacts_of(scene, sequence.state, object, meeting, goal.pose, rng)
+                        query = SharedQuery(
+                            scene,
+                            sequence.state,
+                            object,
+                            contacts,
+                            np.array([ends[0], meeting.T, goal.pose]),
+                            context.seed(),
+                            context.time_left(),
+                            hand_over=True,
+                        )
+                        done = sequence.after(context.components.segments.plan_shared(query))
                     except MotionError as error:
                         node.fail(error.stage, error.code, error.reason)
                         failure = Failure.of(error)
