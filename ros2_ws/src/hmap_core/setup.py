@@ -29,7 +29,12 @@ setup(
         "scipy",
         "trimesh",
     ],
-    extras_require={"bench": ["robotic==0.4.2"], "dask": ["dask[distributed]"], "xacro": ["xacro"]},
+    extras_require={
+        "bench": ["robotic==0.4.2"],
+        "dask": ["dask[distributed]"],
+        "mujoco": ["mujoco>=3.2,<4"],  # a second physics engine for executions
+        "xacro": ["xacro"],
+    },
     packages=find_packages(exclude=["test"]),
     package_data={PACKAGE: ["py.typed"]},
     data_files=[
