@@ -1,11 +1,13 @@
 """The judge's bounds for many pairs at once clear nothing that a look at every sample would not."""
 
+import math
+
 import numpy as np
 import pytest
 import validation_fixtures as plans
 from scipy.spatial.transform import Rotation
 
-from hmap_core.validation import collision, contacts, document, judge, limits, rigid, support
+from hmap_core.validation import collision, contacts, document, judge, limits, pairs, rigid, support
 from hmap_core.validation.bounds import Bounds, PartBoxes
 from hmap_core.validation.pairs import PairBuilder
 from hmap_core.validation.report import Findings
@@ -127,8 +129,10 @@ def test_turn_along_rotations_is_exact_for_small_and_large_turns():
     assert rigid.step_angles(R)[1:3] == pytest.approx(turns[1:3], rel=1e-6)
 
 
+@pytest.mark.parametrize("many", [math.inf, 0], ids=["few parts", "many parts"])
 @pytest.mark.parametrize("reach", [0.0, 0.05, 0.5])
-def test_pairs_that_are_left_out_stay_farther_apart_than_that(world, reach):
+def test_pairs_that_are_left_out_stay_farther_apart_than_that(world, reach, many, monkeypatch):
+    monkeypatch.setattr(pairs, "MANY", many)
     builder = PairBuilder(world, set())
     near, every = builder.build(reach), builder.build()
     kept = {(pair.a, pair.b) for pair in near}
@@ -136,6 +140,22 @@ def test_pairs_that_are_left_out_stay_farther_apart_than_that(world, reach):
     left = [pair for pair in every if (pair.a, pair.b) not in kept]
     assert all(measured(world, pair).min() > reach for pair in left)
     assert left or reach > 0.05
+
+
+@pytest.mark.parametrize("made", [plans.carry, plans.touch, plans.push, plans.tool_use])
+def test_worlds_of_many_parts_are_judged_as_those_of_few(urdf, made, monkeypatch):
+    """Valid plans, and one in which everything is 30 mm lower."""
+    for drop in (0.0, 0.03):
+        plan = made(urdf)
+        for poses in plan["trajectory"]["objects"].values():
+            for pose in poses:
+                pose[2] -= drop
+        monkeypatch.setattr(pairs, "MANY", math.inf)
+        before = judge.check(plan)
+        monkeypatch.setattr(pairs, "MANY", 0)
+        after = judge.check(plan)
+        assert after.violations == before.violations and after.valid == (drop == 0.0)
+        assert after.min_clearance_m == before.min_clearance_m
 
 
 @pytest.mark.parametrize("near", [judge.NEAR, -1.0])

@@ -8,6 +8,7 @@ import numpy as np
 from hmap_core.validation import limits, rigid
 from hmap_core.validation.document import SegmentData
 from hmap_core.validation.geometry import Gauge
+from hmap_core.validation.near import nearest_first
 from hmap_core.validation.report import Findings, Kind
 from hmap_core.validation.world import Part, State, World
 
@@ -98,26 +99,48 @@ class Contact:
         this upper bound replaces the measurement.
         """
         combine = np.max if self.kind == "grasp" and not self.by_tool else np.min
-        first, objects = self.segment.first, self.world.parts_of(self.object)
-        owners = [[(a, b, Gauge(a.solid, b.solid)) for a in parts for b in objects] for parts in self.touching.values()]
-        gap = combine([self._nearest(pairs, first) + self._moved(pairs) for pairs in owners], axis=0)
+        first = self.segment.first
+        owners = list(self.touching.values())
+        gap = combine([self._nearest(parts, first)[0] + self._moved(parts) for parts in owners], axis=0)
         for i in np.flatnonzero(~(gap <= limits.CONTACT_GAP)):
-            gap[i] = combine([self._nearest(pairs, first + int(i)) for pairs in owners])
+            gap[i] = combine([self._nearest(parts, first + int(i))[0] for parts in owners])
         return gap
 
-    def _moved(self, pairs: list[tuple[Part, Part, Gauge]]) -> np.ndarray:
+    def _moved(self, parts: list[Part]) -> np.ndarray:
         """Bound (n,) on the motion of the object's points since the first sample, relative to the touching parts, m."""
-        state, samples = self.world.state, self.window
-        if not pairs:
+        state, samples, objects = self.world.state, self.window, self.world.parts_of(self.object)
+        if not parts or not objects:
             return np.zeros(samples.stop - samples.start)
-        (Ra, pa), (Rb, pb) = pairs[0][0].place(state), state.bodies[self.object]
+        (Ra, pa), (Rb, pb) = parts[0].place(state), state.bodies[self.object]
         R, p = rigid.relative(Ra[samples], pa[samples], Rb[samples], pb[samples])
         moved, turned = rigid.deviation(R, p, R[0], p[0])
-        return moved + turned * max(b.reach for _, b, _ in pairs)
+        return moved + turned * max(part.reach for part in objects)
 
-    def _nearest(self, pairs: list[tuple[Part, Part, Gauge]], k: int) -> float:
-        tracks = self.world.tracks
-        return min((gauge.distance(tracks[a].at(k), tracks[b].at(k)) for a, b, gauge in pairs), default=np.inf)
+    def _nearest(self, parts: list[Part], k: int) -> tuple[float, tuple[Part, Part] | None]:
+        """Distance (m) of some parts from the object at sample k, and the nearest two; distances of boxes say which
+        pairs need no measurement.
+        """
+        tracks, objects = self.world.tracks, self.world.parts_of(self.object)
+        best: tuple[float, tuple[Part, Part] | None] = (np.inf, None)
+        if not parts or not objects:
+            return best
+        for bound, i in zip(*nearest_first(self.world, parts, objects, k), strict=True):
+            if bound > max(best[0], 0.0):  # boxes that overlap tell nothing
+                break
+            a, b = parts[i // len(objects)], objects[i % len(objects)]
+            distance = self._gauge(a, b).distance(tracks[a].at(k), tracks[b].at(k))
+            if distance < best[0]:
+                best = distance, (a, b)
+        return best
+
+    def _gauge(self, a: Part, b: Part) -> Gauge:
+        if (a, b) not in self._gauges:
+            self._gauges[a, b] = Gauge(a.solid, b.solid)
+        return self._gauges[a, b]
+
+    @cached_property
+    def _gauges(self) -> dict[tuple[Part, Part], Gauge]:
+        return {}
 
     def normals(self, k: int) -> list[tuple[np.ndarray, np.ndarray]]:
         """The contact position and normal of each owner at sample k.
@@ -127,8 +150,10 @@ class Contact:
         """
         found = []
         for parts in self.touching.values():
-            pairs = [(a, b) for a in parts for b in self.world.parts_of(self.object)]
-            found.append(min((_witness(self.world, a, b, k) for a, b in pairs), key=lambda w: w[0])[1:])
+            _, nearest = self._nearest(parts, k)
+            if nearest is None:
+                raise ValueError(f"'{self.object}' or what touches it has no shape")
+            found.append(_witness(self.world, *nearest, k)[1:])
         return found
 
 

@@ -1,5 +1,7 @@
 """The judge: reads a plan, runs every check, and returns the verdict."""
 
+import math
+
 from hmap_core.validation import (
     collision,
     contacts,
@@ -27,6 +29,7 @@ def _may_touch(made: list[contacts.Contact], carried: set[frozenset[str]]) -> se
 
 
 NEAR = 0.5  # m; pairs that stay farther apart are compared only if none is nearer
+CLOSE = 0.02  # m; the same in worlds of many parts
 
 
 def check(plan: dict) -> Report:
@@ -57,9 +60,10 @@ def check(plan: dict) -> Report:
     toppling.check(world, made, findings)
     loads.check(world, made, findings)
     pairs = PairBuilder(world, _may_touch(made, support.pairs))
-    clearance = collision.check(world, pairs.build(NEAR), findings)
-    if clearance is None or clearance > NEAR:  # the smallest clearance may be that of a pair that was left out
-        clearance = collision.check(world, pairs.build(), findings)
+    for reach in (CLOSE, NEAR, math.inf) if pairs.many else (NEAR, math.inf):
+        clearance = collision.check(world, pairs.build(reach), findings)
+        if clearance is not None and clearance <= reach:
+            break  # else the smallest clearance may be that of a pair that was left out
     error = objects.check_goal(world, findings)
     violations = findings.violations()
     return Report(not violations, violations, error, clearance)

@@ -57,8 +57,7 @@ def _lowest(world: World, name: str, window: slice) -> np.ndarray:
     heights = []
     for part in world.parts_of(name):
         track, solid = world.tracks[part], part.solid
-        rows = zip(track.R[window, 2], track.p[window, 2], strict=True)
-        heights.append([(solid.points @ row).min() + height - solid.ball for row, height in rows])
+        heights.append((track.R[window, 2] @ solid.points.T).min(axis=1) + track.p[window, 2] - solid.ball)
     return np.min(heights, axis=0)
 
 

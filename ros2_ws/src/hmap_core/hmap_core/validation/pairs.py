@@ -1,14 +1,17 @@
 """Pairs of parts to check for collision, with bounds on their relative motion."""
 
 from bisect import bisect_right
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from hmap_core.validation import rigid
 from hmap_core.validation.geometry import Gauge
+from hmap_core.validation.near import SweptBoxes
 from hmap_core.validation.world import Part, World
+
+MANY = 20_000  # pairs of parts, above which only those are made that come near each other
 
 
 @dataclass(eq=False)
@@ -63,7 +66,15 @@ class PairBuilder:
             for part in world.parts
         }
         self._immobile = {part: self._is_immobile(part) for part in world.parts}
-        self._lower, self._upper = (np.array(ends).reshape(-1, 3) for ends in self._swept_boxes())
+        self._boxes = SweptBoxes(world, self._motion)
+        self._lower, self._upper = self._boxes.lower.min(axis=0), self._boxes.upper.max(axis=0)
+        # two fixed bodies are no pair, and there can be thousands
+        self._free = [k for k, part in enumerate(world.parts) if part.link is not None or not self._immobile[part]]
+
+    @property
+    def many(self) -> bool:
+        """Whether there are so many pairs that those of parts that come near each other are searched."""
+        return len(self._free) * len(self._world.parts) > MANY
 
     def build(self, reach: float = np.inf) -> list[Pair]:
         """The pairs to check.
@@ -72,16 +83,20 @@ class PairBuilder:
             reach: pairs that certainly stay farther apart than this are left out, m.
         """
         parts = self._world.parts
-        # two fixed bodies are no pair, and there can be thousands
-        free = [k for k, part in enumerate(parts) if part.link is not None or not self._immobile[part]]
-        pairs = []
+        pairs = (self._pair(parts[i], parts[j]) for i, j in self._numbers(reach))
+        return [pair for pair in pairs if pair is not None]
+
+    def _numbers(self, reach: float) -> Iterator[tuple[int, int]]:
+        """Numbers of the parts of all pairs that may come nearer to each other than ``reach`` (m)."""
+        parts, free = self._world.parts, self._free
+        if self.many and np.isfinite(reach):
+            frozen = np.array([part.link is None and self._immobile[part] for part in parts])
+            yield from map(tuple, self._boxes.pairs(reach, frozen).tolist())
+            return
         for i, a in enumerate(parts):
             others = free[bisect_right(free, i) :] if a.link is None and self._immobile[a] else range(i + 1, len(parts))
             for j in self._nearer(i, np.array(others, int), reach).tolist():
-                pair = self._pair(a, parts[j])
-                if pair is not None:
-                    pairs.append(pair)
-        return pairs
+                yield i, j
 
     def _nearer(self, i: int, others: np.ndarray, reach: float) -> np.ndarray:
         """Those of some parts, given by number, that part ``i`` may come nearer to than ``reach``."""
@@ -89,17 +104,6 @@ class PairBuilder:
             return others
         apart = np.maximum(self._lower[others] - self._upper[i], self._lower[i] - self._upper[others])
         return others[np.linalg.norm(np.maximum(apart, 0.0), axis=1) <= reach]
-
-    def _swept_boxes(self) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """Lower and upper corners (3,) of a box for each part that it never leaves."""
-        lower, upper = [], []
-        for part in self._world.parts:
-            track = self._world.tracks[part]
-            center = track.p + rigid.apply(track.R, part.solid.center)
-            room = np.linalg.norm(part.solid.half) + 0.5 * self._motion[part].max(initial=0.0)
-            lower.append(center.min(axis=0) - room)
-            upper.append(center.max(axis=0) + room)
-        return lower, upper
 
     def _pair(self, a: Part, b: Part) -> Pair | None:
         if a.holder == b.holder and (a.link is None) == (b.link is None):

@@ -15,6 +15,7 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 from hmap_core.validation import limits, rest
 from hmap_core.validation.contacts import Contact, runs
 from hmap_core.validation.geometry import Gauge, polytope_points, transform
+from hmap_core.validation.near import nearest_first
 from hmap_core.validation.objects import deviation
 from hmap_core.validation.report import Findings, Kind
 from hmap_core.validation.world import Part, World
@@ -176,25 +177,14 @@ class SupportFinder:
         others = [part for part in self._bodies if part.holder != name]
         if not parts or not others:
             return []
-        (low_a, high_a), (low_b, high_b) = self._boxes(parts, k), self._boxes(others, k)
-        apart = np.maximum(np.maximum(low_a[:, None] - high_b, low_b - high_a[:, None]), 0.0)
-        bounds = np.sqrt((apart * apart).sum(axis=-1)).ravel()
-        order = np.argsort(bounds, kind="stable")
+        bounds, order = nearest_first(self._world, parts, others, k)
         best, count = np.inf, 0
-        for i in order.tolist():
-            if bounds[i] > max(best, NEARBY):
+        for bound, i in zip(bounds.tolist(), order.tolist(), strict=True):
+            if bound > max(best, NEARBY):
                 break
             part, other = parts[i // len(others)], others[i % len(others)]
             best, count = min(best, self._cached_contact(part, other, k)[0]), count + 1
         return [(parts[i // len(others)], others[i % len(others)]) for i in np.sort(order[:count]).tolist()]
-
-    def _boxes(self, parts: list[Part], k: int) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper corners (n, 3) of boxes round parts at sample k, world axes."""
-        tracks = [self._world.tracks[part] for part in parts]
-        R, p = np.array([track.R[k] for track in tracks]), np.array([track.p[k] for track in tracks])
-        center = p + np.einsum("nij,nj->ni", R, [part.solid.center for part in parts])
-        half = np.einsum("nij,nj->ni", np.abs(R), [part.solid.half for part in parts])
-        return center - half, center + half
 
     def _round(self, part: Part, k: int) -> bool:
         """Whether a part lies on a round side."""

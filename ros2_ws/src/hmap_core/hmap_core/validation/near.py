@@ -1,0 +1,111 @@
+"""Which parts come near each other, by boxes round them: what the judge leaves out in worlds of many parts."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from hmap_core.validation.world import Part, World
+
+WINDOW = 16  # steps for which a part has one box
+AT_ONCE = 2_000_000  # pairs of boxes that are compared together
+
+
+class SweptBoxes:
+    """Boxes that parts do not leave within windows of time, in world axes.
+
+    Args:
+        world: the plan.
+        motion: bound (N-1,) on the motion of any point of each part in each step, m.
+
+    Attributes:
+        lower, upper: (W, P, 3) corners of the box of each part in each window, m.
+    """
+
+    def __init__(self, world: World, motion: Mapping[Part, np.ndarray]):
+        self._parts = world.parts
+        starts = np.arange(0, max(world.samples - 1, 1), WINDOW)
+        ends = np.append(starts[1:], world.samples - 1)
+        shape = len(starts), len(self._parts), 3
+        self.lower, self.upper = np.empty(shape), np.empty(shape)
+        for i, part in enumerate(self._parts):
+            track = world.tracks[part]
+            count = 1 if track.still else world.samples
+            R, p = track.R[:count], track.p[:count]
+            center = p + R @ part.solid.center
+            half = np.abs(R) @ part.solid.half
+            if track.still or world.samples < 2:
+                self.lower[:, i], self.upper[:, i] = center[0] - half[0], center[0] + half[0]
+                continue
+            room = 0.5 * np.maximum.reduceat(motion[part], starts)[:, None]  # between two samples
+            low, high = center - half, center + half
+            self.lower[:, i] = np.minimum(np.minimum.reduceat(low, starts), low[ends]) - room
+            self.upper[:, i] = np.maximum(np.maximum.reduceat(high, starts), high[ends]) + room
+
+    def pairs(self, reach: float, frozen: np.ndarray) -> np.ndarray:
+        """Pairs of parts of different links and bodies that come nearer to each other than ``reach``.
+
+        Args:
+            reach: m.
+            frozen: (P,) whether a part never moves; two of these are no pair.
+
+        Returns:
+            (m, 2) numbers of parts, the smaller one first, in order; some may stay farther apart.
+        """
+        if not self._parts:
+            return np.zeros((0, 2), int)
+        owners = [(part.holder, part.link) for part in self._parts]
+        first = np.array([i for i, owner in enumerate(owners) if i == 0 or owner != owners[i - 1]])
+        last = np.append(first[1:], len(owners))
+        stands = np.logical_and.reduceat(frozen, first)
+        found = []
+        for w, (lower, upper) in enumerate(zip(self.lower, self.upper, strict=True)):
+            low, high = np.minimum.reduceat(lower, first), np.maximum.reduceat(upper, first)
+            near = np.triu(_apart(low, high, low, high) <= reach, 1) & ~(stands[:, None] & stands)
+            if w > 0:
+                moved = ((lower != self.lower[w - 1]) | (upper != self.upper[w - 1])).any(axis=1)
+                changed = np.logical_or.reduceat(moved, first)
+                near &= changed[:, None] | changed
+            for g, h in np.argwhere(near).tolist():
+                a, b = np.arange(first[g], last[g]), np.arange(first[h], last[h])
+                a = a[_apart(lower[a], upper[a], low[h : h + 1], high[h : h + 1])[:, 0] <= reach]
+                b = b[_apart(lower[b], upper[b], low[g : g + 1], high[g : g + 1])[:, 0] <= reach]
+                for some in np.array_split(a, len(a) * len(b) // AT_ONCE + 1):
+                    i, j = np.nonzero(_apart(lower[some], upper[some], lower[b], upper[b]) <= reach)
+                    found.append(some[i] * len(owners) + b[j])
+        numbers = np.unique(np.concatenate(found)) if found else np.zeros(0, int)
+        return np.column_stack(np.divmod(numbers, len(owners)))
+
+
+def _apart(lower_a: np.ndarray, upper_a: np.ndarray, lower_b: np.ndarray, upper_b: np.ndarray) -> np.ndarray:
+    """Distances (n, m) of boxes (n, 3) from boxes (m, 3), m."""
+    square = np.zeros((len(lower_a), len(lower_b)))
+    for x in range(3):
+        gap = np.maximum(lower_b[:, x] - upper_a[:, x, None], lower_a[:, x, None] - upper_b[:, x])
+        square += np.square(np.maximum(gap, 0.0))
+    return np.sqrt(square)
+
+
+def nearest_first(world: World, parts: Sequence[Part], others: Sequence[Part], k: int) -> tuple[np.ndarray, np.ndarray]:
+    """All pairs of some parts with others, the nearest boxes first.
+
+    Args:
+        world: the plan.
+        parts, others: n and m parts.
+        k: the sample.
+
+    Returns:
+        (n m,) lower bounds on the distances in metres, and (n m,) numbers of the pairs: i m + j.
+    """
+    (low_a, high_a), (low_b, high_b) = boxes(world, parts, k), boxes(world, others, k)
+    bounds = _apart(low_a, high_a, low_b, high_b).ravel()
+    order = np.argsort(bounds, kind="stable")
+    return bounds[order], order
+
+
+def boxes(world: World, parts: Sequence[Part], k: int) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corners (n, 3) of boxes round parts at sample k, world axes."""
+    tracks = [world.tracks[part] for part in parts]
+    R, p = np.array([track.R[k] for track in tracks]), np.array([track.p[k] for track in tracks])
+    center = p + np.einsum("nij,nj->ni", R, [part.solid.center for part in parts])
+    half = np.einsum("nij,nj->ni", np.abs(R), [part.solid.half for part in parts])
+    return center - half, center + half
