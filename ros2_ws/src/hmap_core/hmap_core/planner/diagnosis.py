@@ -26,7 +26,7 @@ from hmap_core.waypoints.checker import PENETRATION_ALLOWED
 
 PUSHED_STEPS = 3  # poses of a push, 1 cm apart, for which an object needs room before it, and a finger behind it
 BATCHES = 2  # of contacts whose fate is told
-SAMPLINGS = 3  # of contacts, before an object counts as out of the reach of all hands
+SAMPLINGS = 2  # of contacts, before an object counts as out of the reach of all hands
 TOO_FAR = "too far for the arm"
 HAND_FREE = "free for the hand, but not for the arm on its way there and back"
 

@@ -9,12 +9,14 @@ import numpy as np
 
 from hmap_core.exceptions import Code, HmapError, PlannerError
 from hmap_core.planner.context import SearchContext
+from hmap_core.planner.diagnosis import hand_fits
 from hmap_core.planner.obstruction import carried_by
 from hmap_core.planner.outcome import Failure, Outcome
 from hmap_core.planner.placements import given_place, placements_of
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal, removable_for
 from hmap_core.planner.sweep import Sweep
-from hmap_core.types import Goal, Scene
+from hmap_core.planner.tools import tools_of
+from hmap_core.types import Goal, Scene, SceneState, TaskMode
 
 PLACES = 10  # for one obstacle to which one contact has to carry it
 PLACES_WITHOUT_CONTACT = 4  # after which several contacts in turn are tried
@@ -68,7 +70,8 @@ def raise_if_final(error: HmapError) -> None:
 class ObstacleRemoval:
     """Removes obstacles from the way of a subgoal, in an order that works.
 
-    At most n removals are begun for each of n removable bodies, and none is tried twice in the same arrangement.
+    At most n removals are begun for each of n removable bodies and one object path, and none is tried twice in the same
+    arrangement. Bodies on which a hand fits come before those that others hide.
 
     Attributes:
         search: plans each removal.
@@ -79,6 +82,7 @@ class ObstacleRemoval:
     search: Instance
     begun: int = 0
     failed: dict[tuple, HmapError] = field(default_factory=dict)
+    _fitting: dict[tuple, bool] = field(default_factory=dict)
 
     @property
     def _scene(self) -> Scene:
@@ -103,7 +107,7 @@ class ObstacleRemoval:
         failure: tuple[str, HmapError] | None = None
         while waiting:
             before = len(waiting)
-            for name in list(waiting):
+            for name in self._within_reach(waiting, sequence):
                 if name not in sequence.aside:
                     try:
                         sequence = self._remove(name, subgoal, sequence, sweeps, frozenset(waiting))
@@ -121,6 +125,23 @@ class ObstacleRemoval:
                 stuck.body = name
                 raise stuck from cause
         return sequence
+
+    def _within_reach(self, waiting: Sequence[str], sequence: SolutionSequence) -> list[str]:
+        """Those of some bodies on which a hand fits where they are; all of them if none does, or if there are tools."""
+        if len(waiting) < 2:
+            return list(waiting)
+        fitting = [name for name in waiting if name in sequence.aside or self._hand_fits(name, sequence.state)]
+        return fitting or list(waiting)
+
+    def _hand_fits(self, name: str, state: SceneState) -> bool:
+        """Whether a hand fits on a body where it is; True where that is not all there is, as there are tools."""
+        scene = self._scene
+        if scene.mode == TaskMode.KINEMATIC or tools_of(scene, scene.goal.object):
+            return True
+        key = name, *(T.tobytes() for T in state.poses.values())
+        if key not in self._fitting:
+            self._fitting[key] = hand_fits(scene, state, name)
+        return self._fitting[key]
 
     def _remove(
         self, name: str, subgoal: Subgoal, sequence: SolutionSequence, sweeps, waiting: frozenset[str]
@@ -145,9 +166,11 @@ class ObstacleRemoval:
             rng = self.search.context.rng
             found = placements_of(self._scene, sequence.state, name, keep_out, unsteady, rng)
             given = given_place(self._scene, name, keep_out)
-            moved = self._to_first(
-                given, islice(found, PLACES), replace(own, alone=True), own if others else None, sequence
-            )
+            alone = replace(own, alone=True)
+            if others and not self._hand_fits(name, sequence.state):
+                moved = self._uncovered(own, islice((*given, *islice(found, PLACES_BLOCKED)), PLACES_BLOCKED), sequence)
+            else:
+                moved = self._to_first(given, islice(found, PLACES), alone, own if others else None, sequence)
         except HmapError as error:
             self.failed[key] = error
             raise
@@ -180,6 +203,14 @@ class ObstacleRemoval:
             found = tries.first(own, tries.blocked[:PLACES_BLOCKED])
         if found is None:
             raise tries.failure or RemovalError(f"no place for '{alone.goal.object}' is free", Code.NO_OBJECT_PATH)
+        return found
+
+    def _uncovered(self, own: Subgoal, places: Iterable[np.ndarray], sequence: SolutionSequence) -> SolutionSequence:
+        """Bring a body on which no hand fits to one of some places, once others are removed from around it."""
+        tries = _Tries(self.search, sequence)
+        found = tries.first(own, places)
+        if found is None:
+            raise tries.failure or RemovalError(f"no place for '{own.goal.object}' is free", Code.NO_OBJECT_PATH)
         return found
 
     def _unload(self, name: str, own: Subgoal, sequence: SolutionSequence) -> SolutionSequence:

@@ -7,6 +7,7 @@ import numpy as np
 from hmap_core.contacts.access import accessible
 from hmap_core.contacts.camera import SKIN, Cloud, visible_points
 from hmap_core.contacts.candidates import Situation
+from hmap_core.contacts.feasibility import reach_bounds
 from hmap_core.contacts.free_rotation import reached_frames
 from hmap_core.contacts.grasp_torque import pad_balance, push_torque_ratio
 from hmap_core.contacts.hand import align_pads, drop_unfit_grasps, hand_of
@@ -24,6 +25,7 @@ BATCH = 240  # contacts in a batch
 MAX_CONTACTS = 480  # proposed for one robot
 ACCESS = 0.002  # m of room before a point of the surface that an arm without fingers, or a tool, needs
 PAD_BALANCE = 0.5  # of a finger's pad on an object: the narrower side of its middle to the wider
+MORE_CONTACTS = 6000  # that are looked at by the hand alone where none of these serves
 TURNING_SHARE = 0.7  # of the friction against turning between the fingers that weight or pushing may use
 
 
@@ -31,8 +33,8 @@ class SampledContacts:
     """Implements :class:`hmap_core.planner.protocols.ContactProposer`.
 
     Batches come from the measured cloud first, then from the points of the known surface that cameras see, then from
-    the rest of that surface; grasps across a gap between two walls come last. Within each, contacts are ranked by the
-    score of the sampler.
+    the rest of that surface, then grasps across a gap between two walls. Within each, contacts are ranked by the score
+    of the sampler. Last come those of the others that the hand alone can make where the object is.
     """
 
     def propose(self, query: ContactQuery) -> Iterator[ContactProposals]:
@@ -51,11 +53,13 @@ class SampledContacts:
         limited = load_arm(placed.model).mobility < ALL_DIRECTIONS
         situation = Situation(poses[0], ahead, placed.base_pose[:3], _home_orientation(placed) if limited else None)
         body, total = scene.bodies[query.object], 0
+        left: list[Iterator[list[ContactPoint]]] = []
         sources = (query.cloud, False), (surface[surface.seen], False), (surface[~surface.seen], False), (surface, True)
         for points, spanning in sources:
             if points is None or not len(points):
                 continue
-            for batch in sample_contacts(body, points, hand, scene.mode, situation, query.rng, BATCH, spanning):
+            left.append(sample_contacts(body, points, hand, scene.mode, situation, query.rng, BATCH, spanning))
+            for batch in left[-1]:
                 total += len(batch)
                 if limited:
                     manipulation = Manipulation(scene, query.state, query.robot, query.object)
@@ -63,6 +67,28 @@ class SampledContacts:
                 yield ContactProposals(tuple(self._sound(query, batch)))
                 if total >= MAX_CONTACTS:
                     break
+        if not limited:
+            free = self._free_for_hand(query, left)
+            if free:
+                yield ContactProposals(tuple(free))
+
+    def _free_for_hand(self, query: ContactQuery, left: list[Iterator[list[ContactPoint]]]) -> list[ContactPoint]:
+        """Those of the contacts that were not proposed yet which the hand alone can make where the object is.
+
+        In narrow places few of thousands can.
+        """
+        manipulation = Manipulation(query.scene, query.state, query.robot, query.object)
+        gripper = hand_of(query.scene.robots[query.robot]).gripper
+        free: list[ContactPoint] = []
+        looked = 0
+        for batch in (batch for batches in left for batch in batches):
+            looked += len(batch)
+            placed = batch if gripper is None else align_pads(batch, gripper)
+            bound = reach_bounds(manipulation, placed, query.object_poses[:1])
+            free += self._sound(query, [contact for contact, far in zip(batch, bound, strict=True) if far >= 0])
+            if len(free) >= BATCH or looked >= MORE_CONTACTS:
+                break
+        return free
 
     def _sound(self, query: ContactQuery, batch: list[ContactPoint]) -> list[ContactPoint]:
         """The contacts whose fingers, or tool, hold on the object."""

@@ -58,7 +58,6 @@ class Search:
         """
         blocked = 0
         for number in range(ROUNDS):
-            self.removal.begun = 0
             outcome = self.round(Subgoal(goal), sequence, number)
             if isinstance(outcome, Solution):
                 plan = accept(outcome)

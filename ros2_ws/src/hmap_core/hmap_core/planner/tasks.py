@@ -14,6 +14,22 @@ from hmap_core.planner.contact_filters import (
 from hmap_core.planner.context import SearchContext
 from hmap_core.planner.relaxed import RelaxedSolution
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
+from hmap_core.types import ContactPoint
+
+
+@dataclass(frozen=True)
+class EndGrasp:
+    """A contact that a robot can make where an object starts, and release at its goal.
+
+    Attributes:
+        robot: its name.
+        contact: on the object.
+        T_goal: (7,) goal pose of the object, world frame.
+    """
+
+    robot: str
+    contact: ContactPoint
+    T_goal: np.ndarray
 
 
 @dataclass
@@ -28,6 +44,7 @@ class PathTask:
         needs_two: whether no robot can move the object alone, by its weight, and two might carry it.
         poses: (M, 7) the last path that was planned for the object alone.
         ready: the sequence once obstacles were removed from that path; None: they could not be, or there is no path.
+        hands: contacts that serve at the start and at the goal, as far as they were found.
     """
 
     subgoal: Subgoal
@@ -37,6 +54,7 @@ class PathTask:
     needs_two: bool = False
     poses: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
     ready: SolutionSequence | None = None
+    hands: list[EndGrasp] = field(default_factory=list)
 
     @property
     def object(self) -> str:

@@ -9,6 +9,7 @@ from hmap_core.planner.strategies.hand_over import HandOver
 from hmap_core.planner.strategies.manipulation_graph import ManipulationGraphStrategy
 from hmap_core.planner.strategies.new_tool import NewTool
 from hmap_core.planner.strategies.object_path import ObjectPathStrategy
+from hmap_core.planner.strategies.pick_and_place import PickAndPlace
 from hmap_core.planner.strategies.pushed_paths import PushedPaths
 from hmap_core.planner.strategies.remove_obstacles import RemoveObstacles
 from hmap_core.planner.strategies.slide_first import SlideFirst
@@ -19,6 +20,7 @@ PATH_STRATEGIES = (
     CarryHeavy(),
     ObjectPathStrategy(),
     AttachedPathStrategy(),
+    PickAndPlace(),
     SlideFirst(),
     PushedPaths(),
     StartCheck(),  # what follows begins with a grasp or a push

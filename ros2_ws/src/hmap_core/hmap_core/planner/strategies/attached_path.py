@@ -13,7 +13,7 @@ from hmap_core.planner.obstruction import without
 from hmap_core.planner.outcome import Failure, Outcome, Solution
 from hmap_core.planner.strategies.remove_obstacles import clear_path, removable_load
 from hmap_core.planner.surroundings import nearest_first
-from hmap_core.planner.tasks import PathTask
+from hmap_core.planner.tasks import EndGrasp, PathTask
 from hmap_core.planner.tools import with_tool_placed
 
 if TYPE_CHECKING:
@@ -60,5 +60,6 @@ class AttachedPathStrategy:
                 bare, state, object, goal.pose, robot, HANDS_TRIED, context.seed()
             )
             hands = [(robot, contact) for contact in contacts]
+            task.hands += [EndGrasp(robot, contact, goal.pose) for contact in contacts]
             planner = context.components.object_path
             yield from attached_paths(planner, scene, state, goal, hands, context.rng, context.time_left())

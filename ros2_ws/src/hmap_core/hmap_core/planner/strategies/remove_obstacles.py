@@ -66,6 +66,8 @@ def clear_path(
         The sequence once they are removed, with what is known to work then. The failure ends the round if a body cannot
         be removed.
     """
+    if subgoal.depth == 0:
+        search.removal.begun = 0
     if not blockers:
         return Solution(sequence)
     try:
