@@ -147,6 +147,9 @@ class Contact:
 
         Returns:
             For each owner, the point (3,) on the object and the unit normal (3,) into it, world frame.
+
+        Raises:
+            ValueError: the object, or what touches it, has no shape.
         """
         found = []
         for parts in self.touching.values():
