@@ -164,6 +164,7 @@ class AttachedBody:
         opening: m, gripper opening while it is attached.
         friction: its lateral Coulomb coefficient.
         up: (3,) vertical unit vector, in the body frame, at the pose in which the body was picked.
+        mass: kg.
     """
 
     name: str
@@ -172,6 +173,7 @@ class AttachedBody:
     opening: float
     friction: float
     up: np.ndarray
+    mass: float = 0.0
 
 
 @dataclass(frozen=True)

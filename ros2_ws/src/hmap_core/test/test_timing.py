@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hmap_core.exceptions import MotionError
-from hmap_core.trajectory.timing import distinct_points, spline, time_parameterise
+from hmap_core.trajectory.timing import PointLimits, distinct_points, spline, time_parameterise
 
 VELOCITY = np.array([2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61])
 ACCELERATION = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
@@ -127,3 +127,29 @@ def test_points_beyond_a_position_limit_are_moved_onto_it_or_refused():
     path[1, 2] = -1.002
     with pytest.raises(MotionError, match="point 1 of the path has joint 3 at -1.0020; allowed: -1.0000 to 1.0000"):
         time_parameterise(path, VELOCITY, ACCELERATION, DT, POSITION)
+
+
+def turning(q: np.ndarray) -> np.ndarray:
+    """Positions of a point 0.7 m from the first joint's axis, which sways with the second joint."""
+    return np.stack([0.7 * np.cos(q[:, 0]), 0.7 * np.sin(q[:, 0]), 0.2 * q[:, 1]], axis=1)
+
+
+@pytest.mark.parametrize(("speed", "acceleration"), [(0.3, 5.0), (5.0, 0.4), (0.2, 0.5)])
+def test_a_carried_point_keeps_its_limits_and_no_more_than_that_is_given_away(speed, acceleration):
+    path = np.stack([np.linspace(0.0, 2.0, 12), 0.3 * np.sin(np.linspace(0.0, 3.0, 12))], axis=1)
+    limits = np.full(2, 3.0), np.full(2, 20.0)
+    free = time_parameterise(path, *limits, 0.01)
+    timed = time_parameterise(path, *limits, 0.01, carried=PointLimits(turning, speed, acceleration))
+    points = turning(timed.q)
+    speeds = np.linalg.norm(np.diff(points, axis=0), axis=1) / 0.01
+    accelerations = np.linalg.norm(np.diff(points, 2, axis=0), axis=1) / 0.01**2
+    assert speeds.max() <= 1.001 * speed and accelerations.max() <= 1.03 * acceleration
+    assert speeds.max() > 0.98 * speed or accelerations.max() > 0.75 * acceleration
+    assert timed.duration > free.duration
+
+
+def test_a_carried_point_that_stands_still_takes_no_time():
+    path = np.array([[0.0, 0.0], [1.0, 0.5]])
+    limits = np.full(2, 2.0), np.full(2, 5.0)
+    still = PointLimits(lambda q: np.zeros((len(q), 3)), 0.1, 0.1)
+    assert np.array_equal(time_parameterise(path, *limits, DT).q, time_parameterise(path, *limits, DT, None, still).q)

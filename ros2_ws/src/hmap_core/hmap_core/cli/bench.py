@@ -2,18 +2,27 @@
 
 import argparse
 
-from hmap_core.cli import bench_generality, bench_komo, bench_limits, bench_parts, bench_startup, bench_tasks
+from hmap_core.cli import (
+    bench_generality,
+    bench_komo,
+    bench_limits,
+    bench_parts,
+    bench_quality,
+    bench_startup,
+    bench_tasks,
+)
 from hmap_core.cli.main import add_kinds
 
 HELP = (
     "measure: tasks and generality (how often they are solved, how fast), komo (against RAI's), limits, "
-    "parts (object paths among many parts) or startup"
+    "parts (object paths among many parts), quality (of motions) or startup"
 )
 WHAT = {
     "generality": bench_generality,
     "komo": bench_komo,
     "limits": bench_limits,
     "parts": bench_parts,
+    "quality": bench_quality,
     "startup": bench_startup,
     "tasks": bench_tasks,
 }

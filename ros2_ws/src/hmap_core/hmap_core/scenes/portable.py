@@ -115,6 +115,7 @@ def _attached_dict(held: AttachedBody) -> dict[str, Any]:
         "opening": _rounded(held.opening),
         "friction": _rounded(held.friction),
         "up": to_lists(held.up),
+        "mass": _rounded(held.mass),
     }
 
 
@@ -213,7 +214,7 @@ def _robot(name: str, data: RobotData) -> Robot:
 
 def _attached(data: AttachedData) -> AttachedBody:
     shapes = tuple(_shape(part) for part in data.parts)
-    return AttachedBody(data.name, shapes, data.T_ee_body, data.opening, data.friction, data.up)
+    return AttachedBody(data.name, shapes, data.T_ee_body, data.opening, data.friction, data.up, data.mass)
 
 
 def scene_to_text(scene: Scene) -> str:

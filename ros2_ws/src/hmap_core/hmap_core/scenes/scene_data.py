@@ -125,6 +125,7 @@ class AttachedData(Data):
     opening: Real
     friction: Amount
     up: Vector3
+    mass: Amount = 0.0
 
 
 class RobotData(Data):

@@ -20,7 +20,12 @@ BOUND = 1e8  # of u and x; never active at a solution, as in TOPPRA
 
 
 def fastest_speed(
-    grid: np.ndarray, first: np.ndarray, second: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
+    grid: np.ndarray,
+    first: np.ndarray,
+    second: np.ndarray,
+    velocity: np.ndarray,
+    acceleration: np.ndarray,
+    most_squared: np.ndarray,
 ) -> np.ndarray | None:
     """Speeds (N + 1,) at the grid points (N + 1,) of a path's parameter, zero at both ends; None where none were found.
 
@@ -28,12 +33,13 @@ def fastest_speed(
         grid: (N + 1,) values of the parameter, increasing.
         first, second: (N + 1, n) derivatives of the joints by the parameter.
         velocity, acceleration: (n,) their limits; parameter and time are scaled so that all is of order one.
+        most_squared: (N + 1,) further upper bounds of the squared speed; infinite where there is none.
     """
     steps = np.diff(grid)
     a, b = _acceleration_rows(steps, first, second)
     c = np.concatenate([np.zeros(2), -np.tile(acceleration, 4)])
     with np.errstate(divide="ignore"):
-        most = np.minimum(((velocity / np.abs(first)) ** 2).min(axis=1), BOUND)
+        most = np.minimum(((velocity / np.abs(first)) ** 2).min(axis=1), np.minimum(most_squared, BOUND))
     squared = np.zeros(len(grid))
     return np.sqrt(squared) if _fastest_squared(steps, a, b, c, most, squared) else None
 

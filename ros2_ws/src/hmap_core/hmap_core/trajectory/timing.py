@@ -7,6 +7,7 @@ from TOPPRA (Pham and Pham, "A New Approach to Time-Optimal Path Parameterizatio
 The result is stretched to a whole number of sampling periods, so that pieces join on one uniform grid.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -22,6 +23,9 @@ GRID_INTERVALS = 64  # of the path parameter, spread over the spline's pieces by
 GRID_RETRIES = (1, 4)  # factors on GRID_INTERVALS that are tried in turn
 SPLINES_KEPT = 16  # a path is verified on the curve on which it is then timed
 LIMIT_ROUNDING = 1e-3  # rad or m that a point of a path may be beyond a position limit, as solvers are not exact
+POINT_STEP = 1e-3  # of the path's length, step of the difference quotients of a carried point
+STILL = 1e-9  # m/rad; a point that moves less along the path is still
+TANGENTIAL, NORMAL = 0.8, 0.6  # shares of a point's acceleration along its path and across it; squares sum to one
 STRETCH_ROUNDS = 20  # corrections of the duration when samples still exceed a limit
 
 
@@ -43,6 +47,21 @@ class TimedPath:
     def duration(self) -> float:
         """Seconds from the first to the last sample."""
         return float(self.time[-1])
+
+
+@dataclass(frozen=True)
+class PointLimits:
+    """Limits of a point that moves with a robot.
+
+    Attributes:
+        position: gives its positions (N, 3), m, at configurations (N, n).
+        speed: m/s, at most.
+        acceleration: m/s^2, magnitude, at most.
+    """
+
+    position: Callable[[np.ndarray], np.ndarray]
+    speed: float
+    acceleration: float
 
 
 def distinct_points(path: np.ndarray) -> np.ndarray:
@@ -102,6 +121,7 @@ def time_parameterise(
     acceleration_limits: np.ndarray,
     dt: float,
     position_limits: np.ndarray | None = None,
+    carried: PointLimits | None = None,
 ) -> TimedPath:
     """The fastest motion along ``spline(path, position_limits)`` under the limits, from rest to rest, sampled every
     ``dt``.
@@ -115,6 +135,7 @@ def time_parameterise(
         acceleration_limits: (n,) rad/s^2, positive.
         dt: sampling period, s.
         position_limits: (2, n) lower and upper, which all samples keep; None: there are none.
+        carried: limits of a point that moves along, such as the centre of mass of what the robot carries.
 
     Raises:
         MotionError: wrong input, a point beyond the position limits, or no timing exists.
@@ -130,7 +151,7 @@ def time_parameterise(
     if len(distinct_points(path)) == 1:
         return TimedPath(np.zeros(1), path[:1].copy(), np.zeros_like(path[:1]))
     curve = spline(path, position_limits)
-    profile = _speed_profile(curve, LIMIT_MARGIN * velocity_limits, LIMIT_MARGIN * acceleration_limits)
+    profile = _speed_profile(curve, LIMIT_MARGIN * velocity_limits, LIMIT_MARGIN * acceleration_limits, carried)
     steps = max(1, int(np.ceil(profile.time[-1] / dt)))
     for _ in range(STRETCH_ROUNDS):
         timed = _sample(curve, profile, steps, dt, path[0], path[-1])
@@ -187,7 +208,9 @@ def _checked_limits(name: str, limits: np.ndarray, joints: int) -> np.ndarray:
     return limits
 
 
-def _speed_profile(curve: CubicSpline, velocity_limits: np.ndarray, acceleration_limits: np.ndarray) -> _Profile:
+def _speed_profile(
+    curve: CubicSpline, velocity_limits: np.ndarray, acceleration_limits: np.ndarray, carried: PointLimits | None
+) -> _Profile:
     """TOPPRA on the curve scaled to unit length and to a unit of time in which the limits are of order one.
 
     With u = s / L and t = tau * sqrt(L / a) the path is q / L, the velocity limit v / sqrt(L a) and the acceleration
@@ -200,10 +223,40 @@ def _speed_profile(curve: CubicSpline, velocity_limits: np.ndarray, acceleration
     for factor in GRID_RETRIES:
         grid = _grid(curve.x / length, factor * GRID_INTERVALS)
         first, second = curve(grid * length, 1), curve(grid * length, 2) * length
-        speed = fastest_speed(grid, first, second, velocity, acceleration)
+        rows = [first, second, velocity, acceleration, np.full(len(grid), np.inf)]
+        if carried is not None:
+            rows = _with_point(curve, grid * length, rows, carried, unit)
+        speed = fastest_speed(grid, *rows)
         if speed is not None and (speed[1:] + speed[:-1] > 0.0).all():
             return _profile(grid * length, speed * length / unit)
     raise MotionError(f"TOPPRA finds no timing for a path of {len(curve.x)} points and length {length:.6g} rad")
+
+
+def _with_point(
+    curve: CubicSpline, s: np.ndarray, rows: list[np.ndarray], carried: PointLimits, unit: float
+) -> list[np.ndarray]:
+    """The derivatives, limits and largest squared speeds of a curve whose timing keeps a point's limits as well.
+
+    Along the point's path its speed and tangential acceleration are those of one more joint. Across it the acceleration
+    is the squared speed times the curvature, and so a limit of the speed alone. TANGENTIAL and NORMAL share the limit.
+    """
+    length = float(curve.x[-1])
+    h = POINT_STEP * length
+    before, here, after = (carried.position(curve(s + step)) for step in (-h, 0.0, h))
+    first, second = (after - before) / (2.0 * h), (after - 2.0 * here + before) / h**2
+    norm = np.linalg.norm(first, axis=1)
+    tangential = np.einsum("ij,ij->i", first, second) / np.maximum(norm, STILL)
+    normal = np.sqrt(np.maximum(np.einsum("ij,ij->i", second, second) - tangential**2, 0.0))
+    scale = unit**2 / length
+    with np.errstate(divide="ignore"):
+        most = NORMAL * carried.acceleration * scale / (normal * length)
+    return [
+        np.column_stack([rows[0], norm]),
+        np.column_stack([rows[1], tangential * length]),
+        np.append(rows[2], carried.speed * unit / length),
+        np.append(rows[3], TANGENTIAL * carried.acceleration * scale),
+        most,
+    ]
 
 
 def _grid(knots: np.ndarray, intervals: int) -> np.ndarray:

@@ -14,7 +14,7 @@ def attach_body(scene: Scene, robot: str, body: str, contact: ContactPoint, T_st
     """The scene in which a body that stood at T_standing (7,) is part of a robot's hand."""
     own, placed = scene.bodies[body], scene.robots[robot]
     up = rotation_matrix(T_standing)[2]
-    attached = AttachedBody(body, own.shapes, inverse(contact.T_obj_ee), contact.opening, own.friction, up)
+    attached = AttachedBody(body, own.shapes, inverse(contact.T_obj_ee), contact.opening, own.friction, up, own.mass)
     robots = scene.robots | {robot: replace(placed, model=replace(placed.model, attached=attached))}
     bodies = {name: other for name, other in scene.bodies.items() if name != body}
     removable = {name: T for name, T in scene.removable.items() if name != body}

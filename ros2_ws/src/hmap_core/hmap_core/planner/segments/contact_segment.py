@@ -25,6 +25,7 @@ from hmap_core.komo.skeleton import Skeleton
 from hmap_core.komo.skeleton_problem import SkeletonProblem
 from hmap_core.planner.interfaces import RobotContact, SubTrajectory
 from hmap_core.planner.segments.attached import end_effector_poses, with_attached
+from hmap_core.planner.segments.carried import grasped, pushed
 from hmap_core.planner.segments.object_steps import thinned
 from hmap_core.planner.segments.parts import part
 from hmap_core.planner.segments.timing import ramp, timed_contact, timed_transit
@@ -33,8 +34,9 @@ from hmap_core.planner.segments.verification import Masks, executed_spline, find
 from hmap_core.planner.segments.violation import Part, PathResult, Violation
 from hmap_core.planner.transit import find_transit, resampled
 from hmap_core.planner.transit_search import FindTransit, TransitSearch
+from hmap_core.trajectory.timing import PointLimits
 from hmap_core.transforms import consistent, inverse, multiply, multiply_all
-from hmap_core.types import Scene, SceneState, SegmentKind
+from hmap_core.types import ContactKind, Scene, SceneState, SegmentKind
 
 SEARCH_TIME = 10.0  # s that may go into one joint-space search; its number of checks ends it earlier
 
@@ -248,12 +250,19 @@ class ContactSegment:
 
     def _carrying(self, path: np.ndarray) -> SubTrajectory:
         """The object hangs on the hand as they meet at the start, which is the contact within what KOMO leaves open."""
-        q = timed_contact(self.scene, self.robot, path)
+        T_obj_ee = multiply(inverse(self.T_start), end_effector_poses(self.scene, self.robot, path[:1])[0])
+        q = timed_contact(self.scene, self.robot, path, self._limits(inverse(T_obj_ee)))
         T_ee = end_effector_poses(self.scene, self.robot, q)
-        T_obj_ee = multiply(inverse(self.T_start), T_ee[0])
         moved = {self.object: consistent(multiply_all(T_ee, inverse(T_obj_ee)))}
         opening, kind = np.full(len(q), self._openings()[1]), SegmentKind(self.contact.kind.value)
         return part(self.scene, self.robot, q, opening, kind, self.object, T_obj_ee, moved)
+
+    def _limits(self, T_ee_obj: np.ndarray) -> PointLimits:
+        """Of the object that the robot has at T_ee_obj (7,)."""
+        if self.contact.kind == ContactKind.PUSH:
+            return pushed(self.scene, self.robot, self.object, T_ee_obj)
+        body, opening = self.scene.bodies[self.object], self.contact.opening
+        return grasped(self.scene, self.robot, body.shapes, body.mass, body.friction, T_ee_obj, opening)
 
     def _leaving(self, path: np.ndarray) -> SubTrajectory:
         free, closed = self._openings()

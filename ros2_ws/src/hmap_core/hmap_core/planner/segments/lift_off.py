@@ -11,7 +11,7 @@ from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.segment import Phase
 from hmap_core.planner.interfaces import SubTrajectory
 from hmap_core.planner.segments.parts import at_rest
-from hmap_core.planner.segments.timing import timed_contact
+from hmap_core.planner.segments.timing import timed_transit
 from hmap_core.planner.segments.verification import is_free
 from hmap_core.transforms import multiply, pose
 from hmap_core.types import Scene, SceneState
@@ -42,5 +42,5 @@ def lift_path(scene: Scene, state: SceneState, robot: str, q: np.ndarray) -> np.
 
 def vertical(scene: Scene, state: SceneState, robot: str, path: np.ndarray, down: bool = False) -> SubTrajectory:
     """The motion up along such a path (m, n), or down along it; one sample where there is no room to lift."""
-    samples = timed_contact(scene, robot, path) if len(path) > 1 else path
+    samples = timed_transit(scene, robot, path) if len(path) > 1 else path
     return at_rest(scene, robot, samples[::-1] if down else samples, state.gripper[robot])

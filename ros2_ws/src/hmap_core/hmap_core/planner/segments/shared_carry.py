@@ -15,6 +15,7 @@ from hmap_core.komo.skeleton_problem import SkeletonProblem
 from hmap_core.komo.workspace import Workspace
 from hmap_core.planner.interfaces import RobotContact, SubTrajectory
 from hmap_core.planner.segments.attached import end_effector_poses
+from hmap_core.planner.segments.carried import grasped
 from hmap_core.planner.segments.motion_sequence import MotionSequence, held_still
 from hmap_core.planner.segments.motions import FINENESS, come, leave
 from hmap_core.planner.segments.object_steps import thinned
@@ -135,7 +136,11 @@ def _timed(
     speed = HOLD_SPEED * np.concatenate([model.velocity_limits for model in models])
     acceleration = HOLD_ACCELERATION * np.concatenate([model.acceleration_limits for model in models])
     limits = np.hstack([model.position_limits for model in models])
-    q = time_parameterise(path, speed, acceleration, SAMPLE_PERIOD, limits).q
+    body, leader, joints_of_leader = scene.bodies[object], contacts[0], len(models[0].joint_names)
+    T_ee_obj, opening = inverse(leader.contact.T_obj_ee), leader.contact.opening
+    alone = grasped(scene, leader.robot, body.shapes, body.mass, body.friction, T_ee_obj, opening)
+    carried = replace(alone, position=lambda q: alone.position(q[:, :joints_of_leader]))
+    q = time_parameterise(path, speed, acceleration, SAMPLE_PERIOD, limits, carried).q
     ends = np.cumsum([len(model.joint_names) for model in models])
     joints = dict(zip((contact.robot for contact in contacts), np.split(q, ends[:-1], axis=1), strict=True))
     hands = {name: end_effector_poses(scene, name, own) for name, own in joints.items()}

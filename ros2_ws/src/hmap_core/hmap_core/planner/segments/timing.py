@@ -2,44 +2,50 @@
 
 import numpy as np
 
-from hmap_core.trajectory.timing import time_parameterise
+from hmap_core.planner.segments.carried import attached
+from hmap_core.trajectory.timing import PointLimits, time_parameterise
 from hmap_core.types import Gripper, Scene
 
 SAMPLE_PERIOD = 0.02  # s between two samples of a plan
-# Shares of the joint limits that are used. A transit is quick; with an object the robot is slow, so that friction keeps
-# the object in the grasp and a controller stays within the clearance.
-FREE_SPEED, FREE_ACCELERATION = 0.6, 0.3
-HOLD_SPEED, HOLD_ACCELERATION = 0.2, 0.05
-CARRY_SPEED, CARRY_ACCELERATION = 0.3, 0.08  # a transit with an attached tool
+# Shares of the joint limits that are used: of a transit, and with an object, when a controller has to stay within the
+# clearance. The object has limits of its own, see :mod:`hmap_core.planner.segments.carried`.
+FREE_SPEED, FREE_ACCELERATION = 0.9, 0.5
+HOLD_SPEED, HOLD_ACCELERATION = 0.5, 0.25
 SETTLE = 0.3  # s that the fingers get to settle after they have closed or opened
 SAME_OPENING = 1e-9  # m
 
 
-def timed(scene: Scene, robot: str, path: np.ndarray, speed: float, acceleration: float) -> np.ndarray:
+def timed(
+    scene: Scene, robot: str, path: np.ndarray, speed: float, acceleration: float, carried: PointLimits | None = None
+) -> np.ndarray:
     """Samples (N, n) of a trajectory along a path (M, n), SAMPLE_PERIOD apart.
 
     Args:
+        scene: with the robot.
+        robot: name of the robot.
+        path: (M, n) configurations.
         speed, acceleration: shares of the joint limits that may be used.
+        carried: limits of what the robot moves along.
 
     Raises:
         MotionError: a point of the path is beyond the joint limits.
     """
     model = scene.robots[robot].model
     limits = speed * model.velocity_limits, acceleration * model.acceleration_limits
-    return time_parameterise(path, *limits, SAMPLE_PERIOD, model.position_limits).q
+    return time_parameterise(path, *limits, SAMPLE_PERIOD, model.position_limits, carried).q
 
 
-def timed_contact(scene: Scene, robot: str, path: np.ndarray) -> np.ndarray:
-    """Samples (N, n) of a trajectory along a path (M, n) with an object."""
-    return timed(scene, robot, path, HOLD_SPEED, HOLD_ACCELERATION)
+def timed_contact(scene: Scene, robot: str, path: np.ndarray, carried: PointLimits | None) -> np.ndarray:
+    """Samples (N, n) of a trajectory along a path (M, n) with an object, within its limits."""
+    return timed(scene, robot, path, HOLD_SPEED, HOLD_ACCELERATION, carried)
 
 
 def timed_transit(scene: Scene, robot: str, path: np.ndarray) -> np.ndarray:
-    """Samples (N, n) of a transit along a path (M, n), slower with an attached tool."""
-    attached = scene.robots[robot].model.attached is not None
-    return timed(
-        scene, robot, path, *(CARRY_SPEED, CARRY_ACCELERATION) if attached else (FREE_SPEED, FREE_ACCELERATION)
-    )
+    """Samples (N, n) of a transit along a path (M, n), slower with an attached body."""
+    carried = attached(scene, robot)
+    if carried is not None:
+        return timed_contact(scene, robot, path, carried)
+    return timed(scene, robot, path, FREE_SPEED, FREE_ACCELERATION)
 
 
 def ramp(gripper: Gripper | None, a: float, b: float) -> np.ndarray:

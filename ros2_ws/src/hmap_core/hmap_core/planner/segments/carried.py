@@ -1,0 +1,83 @@
+"""How fast a body may be moved: by the grip of the fingers on it, or by the friction of its support."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hmap_core.collision.convex import convex_set
+from hmap_core.contacts.grasp_torque import GRAVITY
+from hmap_core.contacts.grip_force import LIFT_ACCELERATION
+from hmap_core.planner.segments.attached import end_effector_poses
+from hmap_core.stability.mass import centre_of_mass
+from hmap_core.trajectory.timing import PointLimits
+from hmap_core.transforms import apply, multiply_all, pose
+from hmap_core.types import Gripper, Scene, Shape, TaskMode
+
+GRASP_SPEED = 0.5  # m/s of what is grasped
+PUSH_SPEED = 0.2  # m/s of what is pushed: contacts of pushes are quasi-static
+GRIP_SHARE = 0.7  # of the friction of the pads that weight and acceleration use together
+SUPPORT_SHARE = 0.5  # of the deceleration by friction with which a pushed body keeps its contact
+LARGEST = 2.0  # m/s^2 of any body
+
+
+def grasped(
+    scene: Scene,
+    robot: str,
+    shapes: Sequence[Shape],
+    mass: float,
+    friction: float,
+    T_ee_body: np.ndarray,
+    opening: float,
+) -> PointLimits:
+    """Limits of the centre of mass of a body in the fingers of a robot.
+
+    The pads' friction carries weight and acceleration, and the torque of both about the closing axis
+    (:mod:`hmap_core.contacts.grasp_torque`). LIFT_ACCELERATION is what all grasps are checked for.
+
+    Args:
+        scene: with the robot.
+        robot: name of the robot.
+        shapes, mass, friction: of the body; kg, lateral Coulomb coefficient.
+        T_ee_body: (7,) pose of the body in the end-effector frame.
+        opening: of the gripper, m.
+    """
+    centre = apply(T_ee_body, centre_of_mass(convex_set(tuple(shapes))))
+    model = scene.robots[robot].model
+    acceleration = LARGEST
+    if scene.mode == TaskMode.PHYSICAL and model.gripper is not None and mass > 0.0:
+        friction = min(friction, float(model.simulation.get("finger_friction", np.inf)))
+        acceleration = GRIP_SHARE * _held_weight(model.gripper, friction, centre, opening) / mass - GRAVITY
+    return _limits(scene, robot, centre, GRASP_SPEED, float(np.clip(acceleration, LIFT_ACCELERATION, LARGEST)))
+
+
+def _held_weight(gripper: Gripper, friction: float, centre: np.ndarray, opening: float) -> float:
+    """Force (N) on a centre of mass (3,) in the end-effector frame that the pads resist in all directions."""
+    reach = gripper.reach_at(opening) if gripper.tips else 0.0
+    arm = max(float(np.hypot(centre[0], centre[2] - reach)), 1e-6)  # m, from the closing axis
+    force = min(2.0 * friction, 1.0) * gripper.force
+    return min(force, 4.0 / 3.0 * friction * gripper.force * gripper.pad_half_width / arm)
+
+
+def pushed(scene: Scene, robot: str, body: str, T_ee_body: np.ndarray) -> PointLimits:
+    """Limits of the centre of mass of a body that a robot pushes: it slows down by friction before its contact ends."""
+    pushed = scene.bodies[body]
+    centre = apply(T_ee_body, centre_of_mass(convex_set(pushed.shapes)))
+    acceleration = LARGEST
+    if scene.mode == TaskMode.PHYSICAL:
+        acceleration = min(LARGEST, SUPPORT_SHARE * max(pushed.friction, 1e-3) * GRAVITY)
+    return _limits(scene, robot, centre, PUSH_SPEED, acceleration)
+
+
+def attached(scene: Scene, robot: str) -> PointLimits | None:
+    """Limits of the centre of mass of the body that is attached to a robot; None if there is none."""
+    held = scene.robots[robot].model.attached
+    if held is None:
+        return None
+    return grasped(scene, robot, held.shapes, held.mass, held.friction, held.T_ee_body, held.opening)
+
+
+def _limits(scene: Scene, robot: str, centre: np.ndarray, speed: float, acceleration: float) -> PointLimits:
+    T_ee_centre = pose(centre)
+    return PointLimits(
+        lambda q: multiply_all(end_effector_poses(scene, robot, q), T_ee_centre)[:, :3], speed, acceleration
+    )
