@@ -176,7 +176,7 @@ def test_a_support_is_found_among_the_nearest_pairs_as_among_all(world, monkeypa
     places = [(name, k) for name in bodies for k in range(0, world.samples, 7)]
     found = [support.SupportFinder(world).at(name, k, released=True) for name, k in places]
 
-    def every(finder, name, k):
+    def every(finder, name, k, reach):
         others = [part for part in world.parts if part.link is None and part.holder != name]
         return [(part, other) for part in world.parts_of(name) for other in others]
 

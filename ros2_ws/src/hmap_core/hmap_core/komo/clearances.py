@@ -16,11 +16,13 @@ Links keep away from everything, at all times. What a skeleton says changes that
 
 import math
 from collections import defaultdict
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
+from hmap_core.collision.boxes import near_path
 from hmap_core.collision.convex import ConvexSet, set_distance
 from hmap_core.collision.grown import GrownModel
 from hmap_core.collision.scene_model import CollisionModel
@@ -32,6 +34,8 @@ from hmap_core.komo.timeline import Place, Timeline
 from hmap_core.transforms import IDENTITY, inverse, multiply
 from hmap_core.types import ContactKind, ContactPoint
 
+MANY_PAIRS = 5_000  # of shapes, above which only those are made that come near each other on a known path
+BESIDE_PATH = 0.05  # m; motions leave the path of their object by less, and clearances are less
 VERIFIED_ONLY = 1 << MAX_PHASES  # bit of the pairs that count where paths are verified, beside those of the phases
 
 
@@ -67,12 +71,18 @@ class _Stay:
 class Clearances:
     """Builds the collision model of a timeline.
 
+    Args:
+        timeline: what is where in which phase.
+        paths: dense poses (K, 7) along which bodies are carried, where they are known and prescribed. Of bodies of many
+            parts only the pairs are made that come near each other there.
+
     Attributes:
         openings: of each moving robot's gripper, in which phases.
         around: the moving robots among what stands around, without the handled bodies.
     """
 
-    def __init__(self, timeline: Timeline):
+    def __init__(self, timeline: Timeline, paths: Mapping[str, np.ndarray] = MappingProxyType({})):
+        self._paths = paths
         self._timeline, self._workspace, self._skeleton = timeline, timeline.workspace, timeline.skeleton
         self._above = {e.frames for e in self._skeleton.of(Symbol.ABOVE)}
         # contacts of a manipulator with an object, and the phases around them
@@ -217,9 +227,14 @@ class Clearances:
         if stay.prescribed:
             if verified:
                 nearest = self.around.nearest(own, stay.known, HELD_CLEARANCE)
+                near = self._near_path(stay)
                 for name, shapes in standing.items():
                     min_distance = nearest.get(name, HELD_CLEARANCE) - TOUCH_ALLOWANCE
-                    model.keep_apart(stay.shapes, shapes, min_distance, VERIFIED_ONLY)
+                    if near is None:
+                        model.keep_apart(stay.shapes, shapes, min_distance, VERIFIED_ONLY)
+                    else:
+                        for a, b in near[name]:
+                            model.keep_apart([a], [b], min_distance, VERIFIED_ONLY)
             return
         nearest = self.around.nearest(own, stay.known, HELD_CLEARANCE + TOUCH_ALLOWANCE)
         far: list[int] = []
@@ -231,6 +246,21 @@ class Clearances:
             else:
                 far += shapes
         model.keep_apart(stay.shapes, far, HELD_CLEARANCE, stay.phases)
+
+    def _near_path(self, stay: _Stay) -> dict[str, list[tuple[int, int]]] | None:
+        """Pairs of a carried body's shapes with those of each standing body that come near each other on its path.
+
+        None where there are few pairs, or where the path is not known.
+        """
+        own, path = self._workspace.shapes[stay.name], self._paths.get(stay.name)
+        if path is None or len(own) * len(self.around.owner) <= MANY_PAIRS:
+            return None
+        numbers = np.array([s for shapes in self.around.standing.values() for s in shapes])
+        found: dict[str, list[tuple[int, int]]] = {name: [] for name in self.around.standing}
+        names = list(found)
+        for a, b in near_path(own, path, self.around.shapes, BESIDE_PATH).tolist():
+            found[names[self.around.owner[b]]].append((stay.shapes[a], int(numbers[b])))
+        return found
 
     def _keep_bodies_apart(self, model: CollisionModel, a: _Stay, b: _Stay) -> None:
         """Two handled bodies, of which one at least moves."""

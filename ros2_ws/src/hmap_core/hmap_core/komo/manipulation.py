@@ -117,9 +117,15 @@ class Manipulation:
 
     # --- what keeps apart
 
-    def collisions(self, contact: ContactPoint, T_start: np.ndarray, T_end: np.ndarray) -> CollisionModel:
-        """What keeps apart in each phase of a segment in which the object goes from T_start to T_end (7,)."""
-        return self._clearances(contact, T_start, T_end).model()
+    def collisions(
+        self, contact: ContactPoint, T_start: np.ndarray, T_end: np.ndarray, path: np.ndarray | None = None
+    ) -> CollisionModel:
+        """What keeps apart in each phase of a segment in which the object goes from T_start to T_end (7,).
+
+        Args:
+            path: (K, 7) along which it goes; pairs of its shapes with others that are never near there are left out.
+        """
+        return self._clearances(contact, T_start, T_end, path).model()
 
     def carrying_collisions(self, contact: ContactPoint) -> CollisionModel:
         """What :meth:`collisions` says of the hold, without what counts in verification only."""
@@ -150,6 +156,9 @@ class Manipulation:
             self._near[key] = self._clearances(contact, T, T).model(phases)
         return self._near[key]
 
-    def _clearances(self, contact: ContactPoint, T_start: np.ndarray, T_end: np.ndarray) -> Clearances:
+    def _clearances(
+        self, contact: ContactPoint, T_start: np.ndarray, T_end: np.ndarray, path: np.ndarray | None = None
+    ) -> Clearances:
         skeleton = mode_skeleton(self.robot, self.handled, contact, np.array([T_start, T_end]))
-        return Clearances(Timeline(skeleton, self.workspace, {self.handled: T_start}))
+        paths = {} if path is None else {self.handled: path}
+        return Clearances(Timeline(skeleton, self.workspace, {self.handled: T_start}), paths)

@@ -124,10 +124,10 @@ class Contact:
         best: tuple[float, tuple[Part, Part] | None] = (np.inf, None)
         if not parts or not objects:
             return best
-        for bound, i in zip(*nearest_first(self.world, parts, objects, k), strict=True):
+        for bound, (i, j) in nearest_first(self.world, parts, objects, k):
             if bound > max(best[0], 0.0):  # boxes that overlap tell nothing
                 break
-            a, b = parts[i // len(objects)], objects[i % len(objects)]
+            a, b = parts[i], objects[j]
             distance = self._gauge(a, b).distance(tracks[a].at(k), tracks[b].at(k))
             if distance < best[0]:
                 best = distance, (a, b)

@@ -29,7 +29,7 @@ def _may_touch(made: list[contacts.Contact], carried: set[frozenset[str]]) -> se
 
 
 NEAR = 0.5  # m; pairs that stay farther apart are compared only if none is nearer
-CLOSE = 0.02  # m; the same in worlds of many parts
+CLOSE = (0.01, 0.03, 0.1)  # m; the same in worlds of many parts, one after the other
 
 
 def check(plan: dict) -> Report:
@@ -60,7 +60,7 @@ def check(plan: dict) -> Report:
     toppling.check(world, made, findings)
     loads.check(world, made, findings)
     pairs = PairBuilder(world, _may_touch(made, support.pairs))
-    for reach in (CLOSE, NEAR, math.inf) if pairs.many else (NEAR, math.inf):
+    for reach in (*CLOSE, NEAR, math.inf) if pairs.many else (NEAR, math.inf):
         clearance = collision.check(world, pairs.build(reach), findings)
         if clearance is not None and clearance <= reach:
             break  # else the smallest clearance may be that of a pair that was left out

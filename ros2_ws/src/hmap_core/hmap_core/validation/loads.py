@@ -54,11 +54,12 @@ def _lifted(contact: Contact, finder: SupportFinder) -> np.ndarray:
 
 def _lowest(world: World, name: str, window: slice) -> np.ndarray:
     """Height (n,) of an object's lowest point at some samples, m."""
-    heights = []
-    for part in world.parts_of(name):
-        track, solid = world.tracks[part], part.solid
-        heights.append((track.R[window, 2] @ solid.points.T).min(axis=1) + track.p[window, 2] - solid.ball)
-    return np.min(heights, axis=0)
+    parts = world.parts_of(name)
+    points = np.concatenate([part.solid.points @ part.R.T + part.p for part in parts])
+    balls = np.repeat([part.solid.ball for part in parts], [len(part.solid.points) for part in parts])
+    R, p = (values[window] for values in world.state.bodies[name])
+    lowest = [(points @ row - balls).min() for row in R[:, 2]]
+    return np.array(lowest) + p[:, 2]
 
 
 def _check_held(contact: Contact, lifted: np.ndarray, share: np.ndarray, findings: Findings) -> None:

@@ -1,12 +1,13 @@
 """Which parts come near each other, by boxes round them: what the judge leaves out in worlds of many parts."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from hmap_core.validation.world import Part, World
 
 WINDOW = 16  # steps for which a part has one box
+SORTED = 1_000  # pairs that are sorted at first
 AT_ONCE = 2_000_000  # pairs of boxes that are compared together
 
 
@@ -85,7 +86,9 @@ def _apart(lower_a: np.ndarray, upper_a: np.ndarray, lower_b: np.ndarray, upper_
     return np.sqrt(square)
 
 
-def nearest_first(world: World, parts: Sequence[Part], others: Sequence[Part], k: int) -> tuple[np.ndarray, np.ndarray]:
+def nearest_first(
+    world: World, parts: Sequence[Part], others: Sequence[Part], k: int
+) -> Iterator[tuple[float, tuple[int, int]]]:
     """All pairs of some parts with others, the nearest boxes first.
 
     Args:
@@ -93,13 +96,17 @@ def nearest_first(world: World, parts: Sequence[Part], others: Sequence[Part], k
         parts, others: n and m parts.
         k: the sample.
 
-    Returns:
-        (n m,) lower bounds on the distances in metres, and (n m,) numbers of the pairs: i m + j.
+    Yields:
+        A lower bound on the distance in metres, and the numbers of the two parts.
     """
     (low_a, high_a), (low_b, high_b) = boxes(world, parts, k), boxes(world, others, k)
     bounds = _apart(low_a, high_a, low_b, high_b).ravel()
-    order = np.argsort(bounds, kind="stable")
-    return bounds[order], order
+    far = np.partition(bounds, SORTED)[SORTED] if len(bounds) > SORTED else np.inf
+    for some in (bounds <= far, bounds > far):  # seldom more than the first few are asked for
+        numbers = np.flatnonzero(some)
+        numbers = numbers[np.argsort(bounds[numbers], kind="stable")]
+        for bound, number in zip(bounds[numbers].tolist(), numbers.tolist(), strict=True):
+            yield bound, divmod(number, len(others))
 
 
 def boxes(world: World, parts: Sequence[Part], k: int) -> tuple[np.ndarray, np.ndarray]:

@@ -150,12 +150,10 @@ class SupportFinder:
     def at(self, name: str, k: int, released: bool = False) -> Support:
         """The support of a body at sample k; one that was ``released`` there must not roll away either."""
         carriers, patches, gap = set(), [], np.inf
-        near, rolls = [], False
-        for part, other in self._nearest_pairs(name, k):
+        rolls = False
+        for part, other in self._nearest_pairs(name, k, limits.SUPPORT_GAP):
             distance, patch = self._cached_contact(part, other, k)
             gap = min(gap, distance)
-            if distance <= NEARBY:
-                near.append(other)
             if patch is not None:
                 carriers.add(other.holder)
                 patches.append(patch[:, :2])
@@ -165,11 +163,13 @@ class SupportFinder:
         inside = _inside(region, center[:2]) if region is not None else -np.inf
         support = Support(frozenset(carriers), gap, inside, region=region)
         if gap <= limits.SUPPORT_GAP and (not support.stable or (released and rolls)):
-            support = replace(support, stays=rest.stays(self._world, name, list(dict.fromkeys(near)), center, k))
+            near = self._nearest_pairs(name, k, NEARBY)
+            beside = [other for part, other in near if self._cached_contact(part, other, k)[0] <= NEARBY]
+            support = replace(support, stays=rest.stays(self._world, name, list(dict.fromkeys(beside)), center, k))
         return support
 
-    def _nearest_pairs(self, name: str, k: int) -> list[tuple[Part, Part]]:
-        """The parts of a body with those of other bodies: all that are nearer than NEARBY, and the nearest one.
+    def _nearest_pairs(self, name: str, k: int, reach: float) -> list[tuple[Part, Part]]:
+        """The parts of a body with those of other bodies: all that are nearer than ``reach`` (m), and the nearest one.
 
         Distances of bounding boxes tell which can be left out.
         """
@@ -177,14 +177,13 @@ class SupportFinder:
         others = [part for part in self._bodies if part.holder != name]
         if not parts or not others:
             return []
-        bounds, order = nearest_first(self._world, parts, others, k)
-        best, count = np.inf, 0
-        for bound, i in zip(bounds.tolist(), order.tolist(), strict=True):
-            if bound > max(best, NEARBY):
+        best, found = np.inf, []
+        for bound, (i, j) in nearest_first(self._world, parts, others, k):
+            if bound > max(best, reach):
                 break
-            part, other = parts[i // len(others)], others[i % len(others)]
-            best, count = min(best, self._cached_contact(part, other, k)[0]), count + 1
-        return [(parts[i // len(others)], others[i % len(others)]) for i in np.sort(order[:count]).tolist()]
+            best = min(best, self._cached_contact(parts[i], others[j], k)[0])
+            found.append((i, j))
+        return [(parts[i], others[j]) for i, j in sorted(found)]
 
     def _round(self, part: Part, k: int) -> bool:
         """Whether a part lies on a round side."""

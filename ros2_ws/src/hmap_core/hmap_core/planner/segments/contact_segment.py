@@ -76,7 +76,9 @@ class ContactSegment:
         self.start = state.q[contact.robot]
         self.poses, self.keyframes = thinned(object_poses, contact.keyframes, fineness)
         self.T_start, self.T_end = object_poses[0], object_poses[-1]
-        self.collisions: CollisionModel = self.manipulation.collisions(self.contact, self.T_start, self.T_end)
+        self.collisions: CollisionModel = self.manipulation.collisions(
+            self.contact, self.T_start, self.T_end, object_poses
+        )
 
     # --- the motions
 
