@@ -1,21 +1,25 @@
 """Executions that are disturbed: what is planned anew, from which state, and what is beyond repair."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from plan_fixtures import Writer, drag_plan, tool_push_plan
+from plan_fixtures import DOWN, Writer, drag_plan, tool_push_plan
 from planner_fixtures import carry
 from simulation_fixtures import HOME, box, scene
 
 from hmap_core import planner, transforms
 from hmap_core.evaluation.replanning import replanner
-from hmap_core.exceptions import Code, MotionError
-from hmap_core.execution.recovery import ReplanRequest
+from hmap_core.exceptions import Code, ExecutionError, MotionError
+from hmap_core.execution.plan_executor import PlanExecutor
+from hmap_core.execution.recovery import RecoveryPolicy, ReplanRequest
 from hmap_core.execution.stretches import stretches
 from hmap_core.planner.assembly import scene_at
 from hmap_core.simulation.execute import execute, execute_closed_loop
-from hmap_core.types import Goal, Plan, Scene, SceneState, SegmentKind
+from hmap_core.simulation.ports import SimulatedControllers, simulated_ports
+from hmap_core.simulation.world import SimulatedWorld
+from hmap_core.types import BodyKind, Goal, Plan, Scene, SceneState, SegmentKind
 
 SIZE = (0.06, 0.06, 0.06)
 START = np.array([0.5, -0.08, 0.03])
@@ -158,6 +162,51 @@ def test_what_slips_is_let_go_before_planning_anew():
     assert replan.states[0].gripper["left"] > 0.079 and replan.states[0].poses["box"][2] == pytest.approx(
         0.03, abs=1e-3
     )
+
+
+class StuckControllers(SimulatedControllers):
+    """Controllers of arms that do not move any more once one of them was blocked."""
+
+    stuck = False
+
+    def wait(self, *arguments, **options) -> None:
+        if self.stuck:
+            raise ExecutionError("robot 'left': joint 1 is stuck", Code.TRACKING_LOST)
+        try:
+            super().wait(*arguments, **options)
+        except ExecutionError:
+            self.stuck = True
+            raise
+
+
+@pytest.fixture
+def under_a_beam() -> Plan:
+    """A plan that lifts the box and carries it against a beam, past which the box can be dragged."""
+    beam = box("beam", (0.3, 0.02, 0.02), (0.5, 0.06, 0.12), BodyKind.FIXED)
+    plan = drag_plan(with_box(beam), "box", 0.06, BY, lift=0.1)
+    T_obj_ee = transforms.pose((0.0, 0.0, 0.0), DOWN)
+    segments = [replace(s, contact_pose=T_obj_ee) if s.kind is SegmentKind.GRASP else s for s in plan.segments]
+    return replace(plan, segments=tuple(segments))
+
+
+def test_a_hand_that_is_blocked_in_the_air_brings_its_object_back_to_where_it_stood(under_a_beam):
+    replan = Replanner(under_a_beam)
+    report = execute_closed_loop(under_a_beam, replan, 1)
+    assert "joint" in report.replans[0].reason and "'left'" in report.replans[0].reason
+    (state,) = replan.states
+    assert state.poses["box"][:3] == pytest.approx(START, abs=4e-3) and state.gripper["left"] > 0.07
+    assert not report.last.fell
+
+
+def test_a_hand_that_is_blocked_on_the_way_back_as_well_keeps_its_object(under_a_beam):
+    replan = Replanner(under_a_beam)
+    with SimulatedWorld(under_a_beam.scene) as world:
+        controllers = StuckControllers(world)
+        controllers.pass_time(0.2)
+        executor = PlanExecutor(simulated_ports(world, controllers))
+        report = executor.run(under_a_beam, replan, RecoveryPolicy(replans=1))
+        assert world.state().poses["box"][2] > START[2] + 0.05
+    assert not report.solved and report.code is Code.TRACKING_LOST and "stuck" in report.reason and not replan.states
 
 
 def test_a_tool_is_let_go_before_planning_anew():

@@ -52,6 +52,7 @@ class Following:
         """
         check_executable(plan)
         self.plan, self.stretches, self.sample = plan, stretches(plan), 0
+        self._stretch = self.stretches[0]
         self.watcher = Watcher(plan, ports, places)
         self._ports, self._hands, self._on_stop = ports, hands, on_stop
         self._obstacles = ObstacleMonitor(plan, ports, hands, lambda sample: free_tools(plan, sample))
@@ -65,6 +66,7 @@ class Following:
             ExecutionError: TRACKING_LOST; OBJECT_DROPPED, a gripper closes on nothing, or a body slips or falls.
             PlannerError: CANCELED; everything was stopped.
         """
+        self._stretch = stretch
         self.sample, at = stretch.last, float(self.plan.trajectory.time[stretch.first])
         clock = StretchClock(self.plan, stretch, {}, self._ports.clock)
         try:
@@ -82,6 +84,23 @@ class Following:
             self.sample = index_at(self.plan.trajectory.time, at)
             raise Blocked(conflict, self._obstacles.leave(at))
         self.watcher.mark(stretch.last, self._ports.observation.state())
+
+    def back_off(self) -> None:
+        """Bring what a blocked robot carries back along the plan to where it stood, and let it go there.
+
+        Raises:
+            PlannerError: CANCELED.
+            ExecutionError: TRACKING_LOST; the way back is blocked, or several robots hold one body: the hands keep it.
+        """
+        held, plan = self._hands.held, self.plan
+        if not held:
+            return
+        if len(held) > len(set(held.values())):
+            raise ExecutionError(f"{' and '.join(held)} are blocked with one body in their hands", Code.TRACKING_LOST)
+        q, rows = self._ports.observation.settled().q, slice(self._stretch.first, self._stretch.last + 1)
+        off = np.array([np.abs(plan.trajectory.joints[robot][rows] - q[robot]).max(axis=1) for robot in held])
+        at = self._stretch.first + int(off.max(axis=0).argmin())
+        self.sample = index_at(plan.trajectory.time, self._obstacles.leave(float(plan.trajectory.time[at])))
 
     def report(self, began: float, strict: bool, failure: ExecutionError | None = None) -> ExecutionReport:
         """Stop, let everything come to rest, and judge the outcome.

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from hmap_core.exceptions import ExecutionError, MotionError
+from hmap_core.exceptions import Code, ExecutionError, MotionError
 from hmap_core.execution.drift import DriftTolerance, drift_reason
 from hmap_core.execution.failures import Blocked, Drifted
 from hmap_core.execution.following import Following, OnStop
@@ -133,8 +133,11 @@ class PlanExecutor:
     def _new_plan(self, following: Following, failure: ExecutionError, recovery: Recovery) -> Plan | None:
         """Free the hands and ask for a new plan.
 
+        A robot that is blocked brings what it carries back along the plan to where that stood. What slipped or fell is
+        let go where it is.
+
         Raises:
-            ExecutionError: a body is lost on the way.
+            ExecutionError: a body is lost on the way, or the way back is blocked as well: then the hand keeps it.
             PlannerError: CANCELED.
         """
         plan, tools = following.plan, {}
@@ -142,7 +145,8 @@ class PlanExecutor:
             tools = self._kept_tools(following)
         if not (isinstance(failure, Blocked) or tools):
             self._ports.controllers.stop()
-            self._free_tools(plan, following.sample)
+            if not self._free_tools(plan, following.sample) and failure.code is Code.TRACKING_LOST:
+                following.back_off()
             self._hands.let_go(plan)
         new = recovery.new_plan(failure, plan, lambda: self._hands.start_state(plan, following.sample), tools.values())
         self._tools = tools
