@@ -21,6 +21,7 @@ Collisions = namedtuple(
     "Collisions", "vertices start radius center bound low high frame a b min_distance phases speed edges edge closing"
 )
 
+PER_PAIR = "a", "b", "min_distance", "phases", "closing"  # the arrays (P,)
 ALL_PHASES = -1  # all bits are set
 LEAST_SPEED = 1e-6  # speed of a pair without motion, a positive divisor
 

@@ -35,7 +35,7 @@ from hmap_core.transforms import IDENTITY, inverse, multiply
 from hmap_core.types import ContactKind, ContactPoint
 
 MANY_PAIRS = 5_000  # of shapes, above which only those are made that come near each other on a known path
-BESIDE_PATH = 0.05  # m; motions leave the path of their object by less, and clearances are less
+BESIDE_PATH = 0.03  # m; motions leave the path of their object by less, and clearances are less
 VERIFIED_ONLY = 1 << MAX_PHASES  # bit of the pairs that count where paths are verified, beside those of the phases
 
 
@@ -233,8 +233,7 @@ class Clearances:
                     if near is None:
                         model.keep_apart(stay.shapes, shapes, min_distance, VERIFIED_ONLY)
                     else:
-                        for a, b in near[name]:
-                            model.keep_apart([a], [b], min_distance, VERIFIED_ONLY)
+                        model.pairs.extend((a, b, min_distance, VERIFIED_ONLY) for a, b in near[name])
             return
         nearest = self.around.nearest(own, stay.known, HELD_CLEARANCE + TOUCH_ALLOWANCE)
         far: list[int] = []
@@ -258,8 +257,10 @@ class Clearances:
         numbers = np.array([s for shapes in self.around.standing.values() for s in shapes])
         found: dict[str, list[tuple[int, int]]] = {name: [] for name in self.around.standing}
         names = list(found)
-        for a, b in near_path(own, path, self.around.shapes, BESIDE_PATH).tolist():
-            found[names[self.around.owner[b]]].append((stay.shapes[a], int(numbers[b])))
+        a, b = near_path(own, path, self.around.shapes, BESIDE_PATH).T
+        pairs = np.column_stack([np.array(stay.shapes)[a], numbers[b]])
+        for k in np.unique(self.around.owner[b]).tolist():
+            found[names[k]] = [(one, other) for one, other in pairs[self.around.owner[b] == k].tolist()]
         return found
 
     def _keep_bodies_apart(self, model: CollisionModel, a: _Stay, b: _Stay) -> None:

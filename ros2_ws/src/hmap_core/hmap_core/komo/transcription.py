@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from hmap_core.collision.scene_model import CollisionModel, Collisions
+from hmap_core.collision.scene_model import PER_PAIR, CollisionModel, Collisions
 from hmap_core.komo.allowances import relaxed
 from hmap_core.komo.arrays import Options, Samples, Terms
 from hmap_core.komo.between import BETWEEN_BAND, by_unit, new_place, violated_between
@@ -21,6 +21,8 @@ from hmap_core.komo.result import KomoResult, Status
 from hmap_core.komo.solver import solve
 from hmap_core.komo.unroll import FRAMES, unroll
 from hmap_core.komo.violations import worst_violation
+
+MOST = 0.5  # share of the pairs that count in a problem, below which the others are left out of it
 
 
 class KomoProblem(PathProblem):
@@ -149,9 +151,10 @@ class KomoProblem(PathProblem):
         options = self.options.packed
         extra: list[tuple[int, float]] = []
         between: list[tuple[int, int, float]] = []
-        iterations = self._solve_coarsely(X, prefix, cols, terms, samples)
+        counting = _counting(cols, self.masks())
+        iterations = self._solve_coarsely(X, prefix, counting, terms, samples)
         for refinement in range(self.options.refinements + 1):
-            cost, eq, ineq, steps = solve(X, prefix, self.chain, terms, cols, samples, options)
+            cost, eq, ineq, steps = solve(X, prefix, self.chain, terms, counting, samples, options)
             iterations += steps
             if not (max(eq, ineq) <= self.options.tolerance and np.isfinite(X).all()):
                 worst = self._worst(X, start, cols)
@@ -195,6 +198,14 @@ class KomoProblem(PathProblem):
         if not np.isfinite(X).all():
             return "the path is no number"
         return worst_violation(self, self.linearise(X, start), np.concatenate([start[None], X]), cols)
+
+
+def _counting(cols: Collisions, masks: np.ndarray) -> Collisions:
+    """The pairs that count in a phase of the problem, where most do not; ``masks`` (T,) are those of the steps."""
+    counts = cols.phases & np.bitwise_or.reduce(masks) != 0
+    if counts.sum() > MOST * len(counts):
+        return cols
+    return cols._replace(**{name: getattr(cols, name)[counts] for name in PER_PAIR})
 
 
 @lru_cache(maxsize=256)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hmap_core.collision.scene_model import CollisionModel, Collisions
+from hmap_core.collision.scene_model import PER_PAIR, CollisionModel, Collisions
 from hmap_core.komo.allowances import OVERLAP_ALLOWED, relaxed
 from hmap_core.komo.features import pose_params_all
 from hmap_core.komo.ik import follow_ik
@@ -91,10 +91,8 @@ def _slides(
 ) -> Iterator[np.ndarray]:
     """Ways (m, n) of the joints in random directions, turned so that the tight pairs (P,) come no nearer."""
     chain = manipulation.model.chain
-    own = cols._replace(
-        **{name: getattr(cols, name)[tight] for name in ("a", "b", "phases", "closing")},
-        min_distance=np.full(int(tight.sum()), MEASURED),
-    )
+    own = cols._replace(**{name: getattr(cols, name)[tight] for name in PER_PAIR})
+    own = own._replace(min_distance=np.full_like(own.min_distance, MEASURED))
     for _ in range(SLIDES):
         path, way = [q], rng.standard_normal(len(q))
         for _ in range(SLIDE_STEPS):
