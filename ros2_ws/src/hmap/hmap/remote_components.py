@@ -139,7 +139,7 @@ class RosContactChecker:
 class RosSegmentPlanner:
     """Implements :class:`hmap_core.planner.protocols.SegmentPlanner`: segments by the service ``solve_segment``.
 
-    Picking and placing a tool, and what two robots do together, is planned in this process.
+    Picking and placing a tool is planned in this process.
     """
 
     def __init__(self, caller: Caller):
@@ -166,8 +166,19 @@ class RosSegmentPlanner:
         return self._local.plan_place(query)
 
     def plan_shared(self, query: SharedQuery) -> SubTrajectory:
-        """As the protocol says."""
-        return self._local.plan_shared(query)
+        """As the protocol says; raises PlannerError, too, if the service does not answer."""
+        first, *partners = query.contacts
+        request = SolveSegment.Request(
+            object=query.object,
+            robot=first.robot,
+            contact=contact_to_message(first, query.object),
+            partners=[contact_to_message(partner, query.object) for partner in partners],
+            hand_over=query.hand_over,
+            object_poses=poses_to_messages(query.object_poses),
+        )
+        _fill(request, query.scene, query.state, query.seed, query.time_limit)
+        response = self._caller.call(SolveSegment, "solve_segment", request, request.time_limit)
+        return motion_from_response(query.scene, response)
 
 
 def _fill(request: Any, scene: Scene, state: SceneState, seed: int, time_limit: float) -> None:

@@ -136,6 +136,9 @@ class KinematicControllers:
                 look()
             self._world.advance(STEP)
 
+    def common_start(self) -> None:
+        """Time passes in wait only."""
+
     def stop(self) -> None:
         """Nothing moves outside of wait."""
 

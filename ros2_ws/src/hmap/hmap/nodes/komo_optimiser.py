@@ -1,6 +1,7 @@
 """The node ``komo_optimiser``: checks contacts in batches and plans segments. Several instances may run in parallel."""
 
 import sys
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from hmap.node import HmapNode, run
 from hmap.phase_conversions import contact_from_message, motion_to_response, point_from_message
 from hmap.requests import scene_and_state, time_limit
 from hmap_core.exceptions import Code, ContactError, InputError
-from hmap_core.planner import ContactQuery, RobotContact, SegmentQuery, plugins
+from hmap_core.planner import ContactQuery, RobotContact, SegmentQuery, SharedQuery, plugins
 from hmap_core.planner.contact_checker import LocalContactChecker
 from hmap_core.planner.komo_segments import KomoSegmentPlanner
 from hmap_msgs.srv import CheckContacts, SolveSegment
@@ -61,7 +62,14 @@ class KomoOptimiser(HmapNode):
         name = known_object(scene, request.object)
         contact = contact_from_message(scene, request.contact)
         limit = time_limit(request, self._time_limit)
-        query = SegmentQuery(scene, state, name, contact, _poses(request), int(request.seed), limit)
+        poses, seed = _poses(request), int(request.seed)
+        if request.partners:
+            contacts = _two_robots(contact, [contact_from_message(scene, message) for message in request.partners])
+            _check_reach(contacts, len(poses), request.hand_over)
+            shared = SharedQuery(scene, state, name, contacts, poses, seed, limit, bool(request.hand_over))
+            motion_to_response(scene, self._segments.plan_shared(shared), response)
+            return
+        query = SegmentQuery(scene, state, name, contact, poses, seed, limit)
         motion_to_response(scene, self._segments.plan_segment(query), response)
 
 
@@ -70,6 +78,28 @@ def _poses(request) -> np.ndarray:
     if len(request.object_poses) < 2:
         raise InputError(f"object_poses has {len(request.object_poses)} poses; at least 2 are needed")
     return poses_from_messages(request.object_poses, "object_poses")
+
+
+def _two_robots(contact: RobotContact, partners: Sequence[RobotContact]) -> tuple[RobotContact, RobotContact]:
+    """The contacts of two robots that handle an object together."""
+    if len(partners) != 1:
+        raise InputError(f"partners has {len(partners)} contacts; allowed: none, or that of a second robot")
+    if partners[0].robot == contact.robot:
+        raise InputError(f"partners[0].robot is '{contact.robot}', which makes the first contact as well")
+    return contact, partners[0]
+
+
+def _check_reach(contacts: Sequence[RobotContact], poses: int, hand_over: bool) -> None:
+    """Checks that two robots have configurations where they need them."""
+    if hand_over and poses != 3:
+        raise InputError(f"object_poses has {poses} poses; a hand-over has 3: now, where it changes hands, the last")
+    wanted = 1 if hand_over else poses - 1
+    for contact in contacts:
+        if contact.reach != wanted:
+            raise InputError(
+                f"the contact of '{contact.robot}' has reach {contact.reach}; with {poses} object_poses it has to be "
+                f"{wanted}{', as it is passed on' if hand_over else ''}"
+            )
 
 
 def main(args: list[str] | None = None) -> int:

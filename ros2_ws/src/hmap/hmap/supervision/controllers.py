@@ -12,7 +12,7 @@ from rclpy.action.client import ClientGoalHandle
 
 from hmap.action_client import ActionClient
 from hmap.naming import Naming
-from hmap.node import HmapNode
+from hmap.node import HmapNode, clock_time
 from hmap_core.exceptions import Code, ExecutionError, PlannerError
 from hmap_core.execution.ports import Canceled, Feedback
 from hmap_core.types import JointTrajectory, Robot
@@ -20,6 +20,7 @@ from hmap_msgs_py.checks import ConversionError
 from hmap_msgs_py.times import joint_trajectory_to_message, seconds_from_message, time_to_message
 
 POLL = 0.05  # s between looks at a cancel
+START_TOGETHER = 0.5  # s of the controllers' clock in which the goals of several arms reach their controllers
 CANCEL_TIMEOUT = 5.0  # s for a controller to come to rest after a cancel
 
 
@@ -138,6 +139,11 @@ class Controllers:
             trajectory.header.stamp = time_to_message(start)
         goal = FollowJointTrajectory.Goal(trajectory=trajectory)
         return self._send(FollowJointTrajectory, self._naming.arm_action(robot.name), goal, names)
+
+    def common_start(self) -> float | None:
+        """START_TOGETHER from now on the node's clock; None where that has no time yet."""
+        now = clock_time(self._node)
+        return None if now is None else now + START_TOGETHER
 
     def grip(self, robot: Robot, opening: float, force: float) -> Command:
         """Send a gripper to an opening (m) with at most ``force`` (N).

@@ -131,12 +131,12 @@ class Following:
 
     def _move(self, stretch: Stretch):
         """Move the arms to the end of a stretch, or until something is in the way: then the conflict and the time."""
-        commands, duration = {}, 0.0
-        for name, robot in self.plan.scene.robots.items():
-            motion = joint_trajectory(self.plan, name, stretch)
-            if np.ptp(motion.positions, axis=0).max() > MOVING:
-                duration = float(motion.times[-1])
-                commands[name] = self._hands.send(robot, motion)
+        robots = self.plan.scene.robots
+        motions = {name: joint_trajectory(self.plan, name, stretch) for name in robots}
+        motions = {name: own for name, own in motions.items() if np.ptp(own.positions, axis=0).max() > MOVING}
+        duration = max((float(own.times[-1]) for own in motions.values()), default=0.0)
+        start = self._ports.controllers.common_start() if len(motions) > 1 else None
+        commands = {name: self._hands.send(robots[name], own, start) for name, own in motions.items()}
         clock = StretchClock(self.plan, stretch, commands, self._ports.clock)
 
         def look() -> None:

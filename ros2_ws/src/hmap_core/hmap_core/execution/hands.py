@@ -98,7 +98,9 @@ class Hands:
             self.open(plan.scene.robots[robot])
 
     def grip(self, plan: Plan, stretch: Stretch, look: Callable[[], None]) -> None:
-        """Close on what is held in a stretch, open as planned what is not, and wait until the fingers stand.
+        """Close on what is held in a stretch, then open as planned what is not, and wait until the fingers stand.
+
+        What one robot passes to another one is let go once the second gripper holds it.
 
         Args:
             plan: that is followed.
@@ -109,28 +111,38 @@ class Hands:
             PlannerError: CANCELED.
             ExecutionError: TRACKING_LOST; OBJECT_DROPPED, a gripper closed on nothing.
         """
-        grip, commands = self._ports.controllers.grip, {}
+        self._close(plan, stretch, look)
+        self._let_others_go(plan, stretch, look)
+
+    def _close(self, plan: Plan, stretch: Stretch, look: Callable[[], None]) -> None:
+        """Close on what is held in a stretch and was not before, and make sure that it is between the fingers."""
+        commands = {}
+        for name, body in stretch.held.items():
+            robot = plan.scene.robots[name]
+            if self.held.get(name) != body:
+                gripper = robot.model.require_gripper()
+                commands[name] = self._ports.controllers.grip(robot, gripper.min_opening, gripper.force)
+                self._closed.add(name)
+                self._openings.pop(name, None)
+        self.wait(list(commands.values()), GRIP_LIMIT, look)
+        for name, command in commands.items():
+            self._check_grip(plan, stretch, name, command.opening)
+            self.held[name] = stretch.held[name]
+
+    def _let_others_go(self, plan: Plan, stretch: Stretch, look: Callable[[], None]) -> None:
+        """Bring the grippers that hold nothing in a stretch to their planned openings."""
+        commands = []
         for name, robot in plan.scene.robots.items():
             gripper = robot.model.gripper
-            if gripper is None:
-                continue
-            if name in stretch.held:
-                if self.held.get(name) != stretch.held[name]:
-                    commands[name] = grip(robot, gripper.min_opening, gripper.force)
-                    self._closed.add(name)
-                    self._openings.pop(name, None)
+            if gripper is None or name in stretch.held:
                 continue
             opening = float(plan.trajectory.gripper[name][stretch.last])
             if abs(self._openings.get(name, np.inf) - opening) > OPENING_CHANGE:
-                commands[name] = grip(robot, opening, gripper.force)
+                commands.append(self._ports.controllers.grip(robot, opening, gripper.force))
                 self._openings[name] = opening
         self.held = {name: body for name, body in self.held.items() if stretch.held.get(name) == body}
-        self.wait(list(commands.values()), GRIP_LIMIT, look)
+        self.wait(commands, GRIP_LIMIT, look)
         self._closed &= set(stretch.held)
-        for name, body in stretch.held.items():
-            if name in commands:
-                self._check_grip(plan, stretch, name, commands[name].opening)
-            self.held[name] = body
 
     def _check_grip(self, plan: Plan, stretch: Stretch, robot: str, opening: float) -> None:
         """By touch where there are sensors, else by how far the fingers closed."""

@@ -66,6 +66,12 @@ class ControllerPort(Protocol):
             ExecutionError: SERVICE_UNAVAILABLE; there is no such controller.
         """
 
+    def common_start(self) -> float | None:
+        """When motions of several arms that are sent now should begin together, s of the controllers' clock.
+
+        It is late enough for all of them to arrive. None: they begin together when they are sent.
+        """
+
     def grip(self, robot: Robot, opening: float, force: float) -> Command:
         """Send a gripper to an opening (m) with at most ``force`` (N). It keeps pressing when it has ended.
 

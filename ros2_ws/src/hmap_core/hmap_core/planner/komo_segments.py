@@ -64,4 +64,5 @@ class KomoSegmentPlanner:
         """
         rng = np.random.default_rng(query.seed)
         plan = segments.pass_on if query.hand_over else segments.carry_together
-        return plan(query.scene, query.state, query.object, query.contacts, query.object_poses, rng, query.time_limit)
+        contacts, poses, limit = query.contacts, query.object_poses, query.time_limit
+        return plan(query.scene, query.state, query.object, contacts, poses, rng, limit, self._find)

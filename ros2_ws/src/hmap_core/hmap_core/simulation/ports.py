@@ -84,6 +84,9 @@ class SimulatedControllers:
         arm.start(motion if start is None else from_instant(motion, start, now), now)
         return self._begin(arm, SimulatedCommand(robot.name))
 
+    def common_start(self) -> None:
+        """None: no time passes between two commands."""
+
     def grip(self, robot: Robot, opening: float, force: float) -> SimulatedCommand:
         """As :meth:`ControllerPort.grip`; fingers that neither arrive nor stand are waited for a while only."""
         gripper = self._grippers[robot.name]

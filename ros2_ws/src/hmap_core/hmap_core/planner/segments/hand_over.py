@@ -15,6 +15,8 @@ from hmap_core.planner.interfaces import RobotContact, SubTrajectory
 from hmap_core.planner.segments.attached import attach_body
 from hmap_core.planner.segments.motion_sequence import MotionSequence, held_still
 from hmap_core.planner.segments.motions import come, go, leave, pick, place
+from hmap_core.planner.transit import find_transit
+from hmap_core.planner.transit_search import FindTransit
 from hmap_core.types import ContactPoint, Scene, SceneState
 
 
@@ -26,6 +28,7 @@ def pass_on(
     object_poses: np.ndarray,
     rng: np.random.Generator,
     time_limit: float,
+    find: FindTransit = find_transit,
 ) -> SubTrajectory:
     """Plan the motion in which one robot picks an object, passes it to another one, and that one places it.
 
@@ -36,6 +39,7 @@ def pass_on(
         object_poses: (3, 7) of the object: the present one, at the meeting, and at the goal.
         rng: the only source of randomness.
         time_limit: s.
+        find: searches a transit where the optimiser finds none.
 
     Raises:
         MotionError: NO_MOTION; an arm does not reach one of the poses, or there is no motion.
@@ -47,20 +51,20 @@ def pass_on(
     def left() -> float:
         return deadline - time.monotonic()
 
-    motions.add(pick(scene, motions.state, given, object, rng, left()))
+    motions.add(pick(scene, motions.state, given, object, rng, left(), find))
     carrying = attach_body(scene, giver, object, given.contact, start)
-    motions.add(go(carrying, motions.state, giver, given.keyframes[1], rng, left()))
+    motions.add(go(carrying, motions.state, giver, given.keyframes[1], rng, left(), find))
     T = motions.state.poses[object]
     there = contact_at(scene, motions.state, taker, object, taken.contact, T, rng)
-    coming = come(scene, motions.state, there, object, rng, left())
+    coming = come(scene, motions.state, there, object, rng, left(), find)
     motions.add(held_still(scene, coming, object, given))
     released = RobotContact(giver, given.contact, 0, motions.state.q[giver][None])
     leaving = leave(scene, motions.state, released, object)
     motions.add(held_still(scene, leaving, object, taken))
     carrying = attach_body(scene, taker, object, taken.contact, T)
-    motions.add(go(carrying, motions.state, giver, scene.robots[giver].model.home, rng, left()))
+    motions.add(go(carrying, motions.state, giver, scene.robots[giver].model.home, rng, left(), find))
     placed = contact_at(scene, motions.state, taker, object, taken.contact, T_goal, rng)
-    motions.add(place(scene, motions.state, placed, object, T_goal, rng, left()))
+    motions.add(place(scene, motions.state, placed, object, T_goal, rng, left(), find))
     return motions.joined()
 
 

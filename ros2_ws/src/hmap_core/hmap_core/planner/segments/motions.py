@@ -70,7 +70,13 @@ def pick(
 
 
 def come(
-    scene: Scene, state: SceneState, contact: RobotContact, object: str, rng: np.random.Generator, time_limit: float
+    scene: Scene,
+    state: SceneState,
+    contact: RobotContact,
+    object: str,
+    rng: np.random.Generator,
+    time_limit: float,
+    find: FindTransit = find_transit,
 ) -> SubTrajectory:
     """The motion in which a robot comes to a contact in exactly the configuration keyframes[0], and closes its gripper.
 
@@ -78,8 +84,8 @@ def come(
         MotionError: NO_MOTION.
     """
     deadline = time.monotonic() + time_limit
-    parts, cleared = _prepared(scene, state, contact, object, rng, deadline)
-    segment = ContactSegment(scene, cleared, object, contact, state.poses[object][None])
+    parts, cleared = _prepared(scene, state, contact, object, rng, deadline, find)
+    segment = ContactSegment(scene, cleared, object, contact, state.poses[object][None], find=find)
     parts.append(segment.come(rng, deadline, exact=True))
     return joined_parts(scene, state, parts)
 
@@ -95,14 +101,20 @@ def leave(scene: Scene, state: SceneState, contact: RobotContact, object: str) -
 
 
 def go(
-    scene: Scene, state: SceneState, robot: str, q: np.ndarray, rng: np.random.Generator, time_limit: float
+    scene: Scene,
+    state: SceneState,
+    robot: str,
+    q: np.ndarray,
+    rng: np.random.Generator,
+    time_limit: float,
+    find: FindTransit = find_transit,
 ) -> SubTrajectory:
     """The motion of a robot to the configuration q (n,), with its hand as it is.
 
     Raises:
         MotionError: NO_MOTION.
     """
-    moved = transit(scene, state, robot, q, rng, time.monotonic() + time_limit)
+    moved = transit(scene, state, robot, q, rng, time.monotonic() + time_limit, find)
     return joined_parts(scene, state, [with_attached(scene, moved)])
 
 

@@ -22,6 +22,8 @@ from hmap_core.planner.segments.object_steps import thinned
 from hmap_core.planner.segments.timing import HOLD_ACCELERATION, HOLD_SPEED, SAMPLE_PERIOD
 from hmap_core.planner.segments.transits import path_options
 from hmap_core.planner.segments.verification import Masks, executed_spline, worst_between_steps
+from hmap_core.planner.transit import find_transit
+from hmap_core.planner.transit_search import FindTransit
 from hmap_core.trajectory.timing import time_parameterise
 from hmap_core.transforms import consistent, distance, inverse, multiply, multiply_all
 from hmap_core.types import Scene, SceneState, Segment, SegmentKind, Trajectory
@@ -38,6 +40,7 @@ def carry_together(
     object_poses: np.ndarray,
     rng: np.random.Generator,
     time_limit: float,
+    find: FindTransit = find_transit,
 ) -> SubTrajectory:
     """Plan the motion in which robots grasp an object one after the other, carry it together, and let it go.
 
@@ -48,6 +51,7 @@ def carry_together(
         object_poses: (K, 7) path of the object.
         rng: the only source of randomness.
         time_limit: s.
+        find: searches a transit where the optimiser finds none.
 
     Raises:
         MotionError: NO_MOTION.
@@ -55,7 +59,7 @@ def carry_together(
     deadline, motions = time.monotonic() + time_limit, MotionSequence(state)
     grasped: list[RobotContact] = []
     for contact in contacts:
-        coming = come(scene, motions.state, contact, object, rng, deadline - time.monotonic())
+        coming = come(scene, motions.state, contact, object, rng, deadline - time.monotonic(), find)
         motions.add(_held(scene, coming, object, grasped))
         grasped.append(_as_grasped(scene, motions.state, object, contact))
     motions.add(_closed_chain(scene, motions.state, object, grasped, object_poses))
