@@ -19,13 +19,22 @@ def test_a_path_is_found_and_clear_and_a_lid_closes_the_window():
     assert many_parts.run(many_parts.window(40, 200, 0, lid=True), 0.3).poses == 0
 
 
+def test_a_brick_of_many_parts_is_carried_over_a_barrier_of_many_parts():
+    """Pairs of parts are searched in boxes, by the planner and by the judge; without that it takes 20 s."""
+    scene = many_parts.carried(300, 300, 0)
+    assert all(250 <= len(scene.bodies[name].shapes) <= 350 for name in ("brick", "barrier"))
+    trial = many_parts.run_plan(scene)
+    assert trial.poses > 100 and trial.cpu < 10.0
+
+
 def test_the_table_has_every_search(tmp_path, capsys, monkeypatch):
     trial = many_parts.Trial(0.5, 1.0, 2.0, 100, True)
     monkeypatch.setattr(many_parts, "run", lambda problem, limit=2.0: trial)
+    monkeypatch.setattr(many_parts, "run_plan", lambda scene, limit=2.0: trial)
     monkeypatch.setattr("hmap_core.compile_cache.ensure_compiled", lambda: None)
     out = tmp_path / "out.json"
     arguments = ["bench", "parts", "--parts", "30", "--obstacle-parts", "60", "--repeats", "2", "--json", str(out)]
     assert main(arguments) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 1 + 2 * (1 + len(bench_parts.LIMITS)) == 1 + len(json.loads(out.read_text()))
+    assert len(lines) == 1 + 2 * (2 + len(bench_parts.LIMITS)) == 1 + len(json.loads(out.read_text()))
     assert lines[1].split() == ["window", "0", "60", "0.50", "1.00", "0.02", "100", "poses"]

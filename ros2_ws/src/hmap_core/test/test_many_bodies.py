@@ -11,16 +11,19 @@ from simulation_fixtures import HOME
 from simulation_fixtures import scene as scene_of
 
 from hmap_core import planner
-from hmap_core.collision.convex import hull_vertices
+from hmap_core.benchmark import many_parts
+from hmap_core.collision.boxes import near_path
+from hmap_core.collision.convex import convex_set, from_hulls, hull_vertices, set_distance
 from hmap_core.exceptions import Code, MotionError
-from hmap_core.komo import surroundings
+from hmap_core.komo import clearances, surroundings
+from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.shapes import posed_links
 from hmap_core.komo.workspace import Workspace
 from hmap_core.planner import sampled_contacts
 from hmap_core.planner.nearby_shapes import box_of, shapes_in_box
 from hmap_core.scenes import load_scene
-from hmap_core.transforms import apply, from_rpy, pose
-from hmap_core.types import Body, BodyKind, Shape, ShapeKind
+from hmap_core.transforms import IDENTITY, apply, from_rpy, interpolate, pose
+from hmap_core.types import Body, BodyKind, ContactKind, ContactPoint, Shape, ShapeKind
 
 FAR = tuple(box(f"far{k}", (0.3, 0.3, 0.3), (4.0 + 0.4 * k, -3.0, 0.5)) for k in range(60))
 
@@ -87,6 +90,42 @@ def test_the_plan_is_the_same_as_with_all_of_them(monkeypatch):
     every = planner.plan(scene, seed=0, time_limit=120.0)
     for robot, joints in every.trajectory.joints.items():
         np.testing.assert_array_equal(plan.trajectory.joints[robot], joints)
+
+
+def test_pairs_along_a_path_are_all_that_come_near():
+    rng = np.random.default_rng(3)
+    body, around = (
+        convex_set(parts(name, count, rng, room).shapes) for name, count, room in (("a", 12, 0.1), ("b", 80, 1))
+    )
+    ends = [random_pose(rng, 0.8) for _ in range(6)]
+    path = np.concatenate([interpolate(a, b, np.linspace(0, 1, 30)) for a, b in zip(ends, ends[1:], strict=False)])
+    reach, kept = 0.03, {tuple(pair) for pair in near_path(body, path, around, 0.03).tolist()}
+    near = 0
+    for i, j in np.ndindex(len(body), len(around)):
+        A, B = from_hulls([(body.hull(i), body.radius[i])]), from_hulls([(around.hull(j), around.radius[j])])
+        if min(set_distance(A, T, B, IDENTITY, reach) for T in path[::3]) < reach:
+            assert (i, j) in kept
+            near += 1
+    assert 8 < near <= len(kept) < 0.7 * len(body) * len(around)
+
+
+@pytest.mark.parametrize("verified", [True, False])
+def test_carried_bodies_of_many_parts_keep_from_what_is_near_their_path(verified, monkeypatch):
+    scene = many_parts.carried(30, 60, 0)
+    start, goal = scene.bodies["brick"].pose, scene.goal.pose
+    up = np.array([0, 0, 0.2, 0, 0, 0, 0])
+    corners = (start, start + up, goal + up, goal)
+    path = np.concatenate(
+        [interpolate(a, b, np.linspace(0, 1, 12)) for a, b in zip(corners, corners[1:], strict=False)]
+    )
+    down, up_axis = pose((0, 0, 0.05), (1, 0, 0, 0)), np.array([0.0, 0.0, 1.0])
+    contact = ContactPoint(ContactKind.GRASP, down, np.zeros(3), np.array([1.0, 0.0, 0.0]), 0.05, up_axis)
+    task = Manipulation(scene, scene.start_state(), "arm", "brick")
+    every = set(task.collisions(contact, start, goal).pairs)
+    monkeypatch.setattr(clearances, "MANY_PAIRS", 0 if verified else 1e9)
+    some = set(task.collisions(contact, start, goal, path).pairs)
+    assert some <= every and {pair for pair in every - some if pair[3] != clearances.VERIFIED_ONLY} == set()
+    assert (len(some) < len(every)) == verified
 
 
 def divided(count: int, rng):

@@ -1,12 +1,17 @@
-"""Object paths of bodies of many parts among obstacles of many parts: generated problems, their times and limits."""
+"""Bodies of many parts among obstacles of many parts: generated problems of object paths and whole plans, their times
+and limits.
+"""
 
 import time
 from dataclasses import dataclass
 
 import numpy as np
 
+from hmap_core import planner
+from hmap_core.exceptions import HmapError
+from hmap_core.scenes import load_robot_model
 from hmap_core.transforms import from_rpy, pose
-from hmap_core.types import Body, BodyKind, Shape, ShapeKind
+from hmap_core.types import Body, BodyKind, Goal, Robot, Scene, Shape, ShapeKind, TaskMode
 from hmap_core.waypoints import NoObjectPath, ObjectPathProblem, kernels, plan_waypoints
 from hmap_core.waypoints.checker import PENETRATION_ALLOWED, Geometry
 
@@ -14,6 +19,7 @@ WALL = 2.0  # m, side of the wall in which the window is
 HOLE = 0.4  # m, side of the window
 SIZE = 0.3  # m, length of the bracket's bars
 BEYOND = 90.0  # m, extent of the plates beside the wall, which nothing passes
+BRICK, BARRIER = (0.04, 0.05, 0.15), (0.5, 0.04, 0.08)  # m, what an arm carries over what
 LIMIT = 60.0  # s, for problems that have a path
 
 
@@ -24,8 +30,8 @@ class Trial:
     Attributes:
         cpu, wall: its time, s.
         limit: its time limit, s.
-        poses: number of poses of the path; 0 without one.
-        clear: whether no pose of the path collides, compared with all pairs of shapes.
+        poses: number of poses of the path, or of samples of the plan; 0 without one.
+        clear: whether no pose of the path collides, compared with all pairs of shapes; plans are judged.
     """
 
     cpu: float
@@ -79,6 +85,49 @@ def window(parts: int, obstacle_parts: int, seed: int, lid: bool = False) -> Obj
     return ObjectPathProblem(
         bracket(parts, rng), pose(start), from_rpy(goal, (1.0, 0.5, -0.7)), obstacles, motion="spatial"
     )
+
+
+def carried(parts: int, obstacle_parts: int, seed: int) -> Scene:
+    """An arm has to carry a brick of many parts over a barrier of many parts.
+
+    Args:
+        parts: of the brick, about.
+        obstacle_parts: of the barrier, about.
+        seed: of where they are.
+    """
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(0.47, 0.53), rng.uniform(0.2, 0.27)
+    goal = pose((x, y, 0.5 * BRICK[2]))
+    table = Body("table", BodyKind.FIXED, (_box((4.0, 4.0, 0.1), (0.0, 0.0, -0.05)),), pose(), 0.0)
+    brick = Body("brick", BodyKind.MOVABLE, _grid(BRICK, parts), pose((x, -y, 0.5 * BRICK[2])), 0.3)
+    barrier = Body("barrier", BodyKind.FIXED, _grid(BARRIER, obstacle_parts), pose((0.5, 0.0, 0.5 * BARRIER[2])), 0.0)
+    model = load_robot_model("panda")
+    return Scene(
+        task="many parts",
+        seed=seed,
+        mode=TaskMode.PHYSICAL,
+        bodies={body.name: body for body in (table, brick, barrier)},
+        robots={"arm": Robot("arm", model, pose(), model.home.copy())},
+        cameras={},
+        goal=Goal("brick", goal),
+    )
+
+
+def _grid(size: tuple[float, ...], count: int) -> tuple[Shape, ...]:
+    """Boxes, about ``count`` of about the same sides, that fill a box."""
+    sides = np.maximum(np.round(np.array(size) * (count / np.prod(size)) ** (1 / 3)), 1).astype(int)
+    cell = np.array(size) / sides
+    return tuple(_box(cell, (np.array(index) + 0.5) * cell - 0.5 * np.array(size)) for index in np.ndindex(*sides))
+
+
+def run_plan(scene: Scene, limit: float = LIMIT) -> Trial:
+    """Plan a whole task, the judge's verdict included."""
+    cpu, wall = time.process_time(), time.monotonic()
+    try:
+        poses = len(planner.plan(scene, seed=0, time_limit=limit).trajectory.time)
+    except HmapError:
+        poses = 0
+    return Trial(time.process_time() - cpu, time.monotonic() - wall, limit, poses, True)
 
 
 def _box(size, at, quaternion=(0.0, 0.0, 0.0, 1.0)) -> Shape:

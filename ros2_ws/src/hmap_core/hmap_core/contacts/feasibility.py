@@ -8,6 +8,8 @@ path in small steps, which says how far the contact really serves. So waypoints 
 fixed distances.
 """
 
+import math
+import time
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -56,11 +58,12 @@ def feasible_contacts(
     rng: np.random.Generator,
     least: int,
     enough: int,
+    deadline: float = math.inf,
 ) -> list[Feasible]:
     """The contacts that can be taken at object_poses[0] and carry the object to at least pose ``least`` of (M, 7).
 
     ``release`` (M,) says at which poses the object may be let go. Stops when ``enough`` were found and none that is
-    left could serve farther than the best of them.
+    left could serve farther than the best of them, or after the ``deadline`` (``time.monotonic()``).
     """
     order, bound = promising(manipulation, contacts, object_poses, release, least)
     found: list[Feasible] = []
@@ -73,6 +76,8 @@ def feasible_contacts(
         for k, configuration in zip(np.array(chunk)[ok], q[ok], strict=True):
             if len(found) >= enough and bound[k] <= max(len(f.keyframes) - 1 for f in found):
                 break
+            if time.monotonic() > deadline:
+                return found
             ahead = slice(0, bound[k] + 1)
             keyframes = carried(manipulation, contacts[k], configuration, object_poses[ahead], release[ahead])
             if len(keyframes) > least:

@@ -46,7 +46,9 @@ class LocalContactChecker:
         least = max(least_reach(poses), beyond + 1)
         return [
             RobotContact(query.robot, contacts[f.index], len(f.keyframes) - 1, f.keyframes, away)
-            for f in feasible_contacts(manipulation, contacts, poses, release, query.rng, least, self.enough)
+            for f in feasible_contacts(
+                manipulation, contacts, poses, release, query.rng, least, self.enough, query.deadline
+            )
         ]
 
     def promising(self, query: ContactQuery, contacts: Sequence[ContactPoint], beyond: int = -1) -> list[ContactPoint]:

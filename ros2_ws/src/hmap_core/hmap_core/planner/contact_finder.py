@@ -49,7 +49,16 @@ class ProposeAndCheck:
             if beyond == len(query.object_poses) - 1:
                 break
             own = ContactQuery(
-                query.scene, query.state, query.object, query.object_poses, name, rng, query.cloud, surface, query.count
+                query.scene,
+                query.state,
+                query.object,
+                query.object_poses,
+                name,
+                rng,
+                query.cloud,
+                surface,
+                query.count,
+                deadline,
             )
             for batch in (batch for proposer in self.proposers for batch in proposer.propose(own)):
                 checked += len(batch)

@@ -5,6 +5,7 @@ local implementations are listed in :mod:`hmap_core.planner.components`; the ROS
 by services. :mod:`hmap_core.planner.plugins` finds implementations by name.
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -71,6 +72,7 @@ class ContactQuery:
         surface: points of the object's known surface, in its own frame, with which of them cameras see; None: not
             sampled yet.
         count: how many contacts are wanted at most; 0: the proposer decides.
+        deadline: ``time.monotonic()`` after which no further contact is checked.
     """
 
     scene: Scene
@@ -82,6 +84,7 @@ class ContactQuery:
     cloud: Cloud | None = None
     surface: Cloud | None = None
     count: int = 0
+    deadline: float = math.inf
 
     @property
     def tool(self) -> AttachedBody | None:
