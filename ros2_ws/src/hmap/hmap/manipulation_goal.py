@@ -9,7 +9,7 @@ from typing import Any, Self
 from hmap.action_client import ActionClient
 from hmap.conversions import plan_from_message
 from hmap.requests import error_from_message
-from hmap_core.exceptions import Code, HmapError, PlannerError
+from hmap_core.exceptions import Code, ExecutionError, HmapError, PlannerError
 from hmap_core.types import Plan
 from hmap_msgs.action import Manipulate
 from hmap_msgs_py.plans import statistics_from_messages
@@ -110,11 +110,14 @@ class GoalInProgress:
         """Whether it has ended."""
         return self._response is not None or self._error is not None
 
-    def check(self, server_is_ready: bool) -> None:
+    def check(self, server_is_ready: bool, server_died: bool = False) -> None:
         """End it where nobody works on it any more, or nobody ever took it."""
         if self.done:
             return
-        if not server_is_ready:
+        if server_died:
+            self._error = ExecutionError("the node supervisor died before the goal had ended", Code.NODE_LOST)
+            self._notify()
+        elif not server_is_ready:
             self._end("the supervisor went away before the goal had ended")
         elif self._handle is None and time.monotonic() - self._sent > ACCEPT_LIMIT:
             self._end(f"the supervisor did not take the goal within {ACCEPT_LIMIT:g} s")

@@ -23,6 +23,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
 from hmap.environment import ros_environment
+from hmap.heartbeats import offer_heartbeat
 from hmap.problem_log import ProblemLog
 from hmap.spinning import Spinner
 from hmap_core.compile_cache import ensure_compiled
@@ -78,6 +79,7 @@ class HmapNode(Node):
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._status: tuple[bytes, str, dict[str, Any]] = (DiagnosticStatus.OK, STARTING, {})
         self._diagnostics = self.create_publisher(DiagnosticArray, "diagnostics", 10)
+        self._heartbeat = offer_heartbeat(self, name)
         self.every(DIAGNOSTICS_PERIOD, self._publish_diagnostics)
 
     def started(self) -> None:

@@ -3,7 +3,7 @@
 import copy
 import queue
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from rclpy.client import Client
 from rclpy.task import Future
 
 from hmap.conversions import scene_from_message, state_from_message
+from hmap.heartbeats import Heartbeat
 from hmap.node import HmapNode
 from hmap_core.exceptions import (
     Code,
@@ -29,6 +30,13 @@ from hmap_msgs.msg import ErrorCode
 POLL = 0.1  # s between checks for the service and for a cancellation
 ANSWER_MARGIN = 10.0  # s that a response can take beyond the time limit of its request
 REPEAT = 10.0  # s without a response after which a request is sent again; doubles every time
+OFFERED_BY = {  # service -> the node that offers it
+    "load_scene": "world",
+    "plan_waypoints": "waypoint_planner",
+    "propose_contacts": "contact_proposer",
+    "check_contacts": "komo_optimiser",
+    "solve_segment": "komo_optimiser",
+}
 STAGES = {
     kind.stage: kind for kind in (InputError, WaypointError, ContactError, MotionError, PlannerError, ExecutionError)
 }
@@ -75,18 +83,27 @@ class Caller:
 
     Args:
         node: the node that makes the clients.
-        patience: s to wait for a service that does not exist.
-        canceled: polled while waiting; true ends the call.
+        patience: s to wait for a service that does not exist, or whose node has died.
+        services: whose nodes are watched, so that their death is noticed at once.
     """
 
-    def __init__(self, node: HmapNode, patience: float, canceled: Callable[[], bool] = lambda: False):
-        self._node, self._patience, self._canceled = node, patience, canceled
+    def __init__(self, node: HmapNode, patience: float, services: Iterable[str] = ()):
+        self._node, self._patience = node, patience
+        self._canceled: Callable[[], bool] = lambda: False
+        self._tell: Callable[[str], None] = lambda text: None
         self._clients: dict[str, Client] = {}
+        nodes = {role: Heartbeat(node, role, node.group) for role in sorted({OFFERED_BY[name] for name in services})}
+        self._heartbeats = {name: nodes[OFFERED_BY[name]] for name in services}
 
-    def until(self, canceled: Callable[[], bool]) -> "Caller":
-        """A caller with the same clients that polls another ``canceled``."""
+    def until(self, canceled: Callable[[], bool], tell: Callable[[str], None] = lambda text: None) -> "Caller":
+        """A caller with the same clients.
+
+        Args:
+            canceled: polled while waiting; true ends the call.
+            tell: called with the node that is waited for, where one has died.
+        """
         other = copy.copy(self)
-        other._canceled = canceled
+        other._canceled, other._tell = canceled, tell
         return other
 
     def client(self, service_type: type, name: str) -> Client:
@@ -110,8 +127,9 @@ class Caller:
     def ask(self, service_type: type, name: str, request: Any, limit: float) -> Any:
         """Call a service.
 
-        A request is lost if its node dies, and DDS regards a dead process as alive for some seconds. A request without
-        a response is therefore sent again, after REPEAT and then increasing times; the first response counts.
+        A request is lost if its node dies. It is sent again as soon as the node is started anew. Where nobody watches
+        the node, it is sent again after REPEAT and then increasing times, since DDS regards a dead process as alive for
+        some seconds. The first response counts.
 
         Args:
             service_type: of the service.
@@ -137,14 +155,26 @@ class Caller:
                 client.remove_pending_request(future)
 
     def _wait_for(self, client: Client, name: str) -> None:
-        until = time.monotonic() + self._patience
-        while not client.service_is_ready():
+        until, told = time.monotonic() + self._patience, False
+        while self._lost(name) or not client.service_is_ready():
             self._check_canceled()
+            role = OFFERED_BY.get(name, name)
+            if self._lost(name) and not told:
+                told = True
+                text = f"the node {role!r} has died; it gets {self._patience:g} s to be started anew"
+                self._node.get_logger().warning(text)
+                self._tell(text)
             if time.monotonic() > until:
+                died = f": the node {role!r} has died" if self._lost(name) else f": is the node {role!r} running?"
                 raise PlannerError(
-                    f"no node has offered the service {name!r} for {self._patience:g} s", Code.SERVICE_UNAVAILABLE
+                    f"no node has offered the service {name!r} for {self._patience:g} s{died}",
+                    Code.SERVICE_UNAVAILABLE,
                 )
             self._node.stopping.wait(POLL)
+
+    def _lost(self, name: str) -> bool:
+        heartbeat = self._heartbeats.get(name)
+        return heartbeat is not None and heartbeat.lost
 
     def _ask(self, client: Client, name: str, request, deadline: float, answers: queue.Queue, asked: list):
         repeat, again = REPEAT, 0.0
@@ -152,7 +182,7 @@ class Caller:
             now = time.monotonic()
             if now > deadline:
                 raise PlannerError(f"the service {name!r} did not answer in time", Code.TIME_LIMIT)
-            if now >= again:
+            if now >= again or self._lost(name):
                 self._wait_for(client, name)
                 future = client.call_async(request)
                 asked.append(future)

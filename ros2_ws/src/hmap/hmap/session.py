@@ -24,6 +24,7 @@ from rclpy.signals import SignalHandlerOptions
 from hmap.action_client import ActionClient
 from hmap.conversions import scene_from_message, scene_to_message, state_from_message
 from hmap.environment import ros_environment
+from hmap.heartbeats import Heartbeat
 from hmap.manipulation_goal import Feedback, GoalInProgress, Result
 from hmap.node import LATCHED
 from hmap.requests import error_from_message
@@ -107,6 +108,7 @@ class Session:
         self._group = ReentrantCallbackGroup()
         self._services: dict[str, Client] = {}
         self._client = ActionClient(self.node, Manipulate, "manipulate", callback_group=self._group)
+        self._supervisor = Heartbeat(self.node, "supervisor", self._group)
         topics = (
             (SceneMessage, "scene", self._take_scene, LATCHED),
             (WorldState, "world_state", self._take_state, 1),
@@ -137,7 +139,7 @@ class Session:
         self._client.destroy()
         for client in self._services.values():
             self.node.destroy_client(client)
-        for subscription in self._subscriptions:
+        for subscription in (*self._subscriptions, self._supervisor.subscription):
             self.node.destroy_subscription(subscription)
         if self._context is not None:
             self.node.destroy_node()
@@ -418,7 +420,7 @@ class Session:
 
     def _ended(self, goal: GoalInProgress) -> bool:
         if not goal.done:
-            goal.check(self._client.server_is_ready())
+            goal.check(self._client.server_is_ready(), self._supervisor.lost)
         return goal.done
 
     def _call(self, service_type: type, name: str, request: Any, timeout: float) -> Any:

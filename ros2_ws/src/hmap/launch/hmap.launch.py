@@ -11,6 +11,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 PLANNERS = ("waypoint_planner", "contact_proposer", "komo_optimiser")
+RESPAWN_PATIENCE = 30.0  # s that the supervisor waits for a node that is started anew
 ARGUMENTS = {
     "task": ("tunnel", "name of a task, or path of a task file"),
     "seed": ("0", "of its randomisation"),
@@ -23,7 +24,7 @@ ARGUMENTS = {
 
 
 def generate_launch_description() -> LaunchDescription:
-    """All nodes; planners that die are started again."""
+    """All nodes; planners and perception are started anew when they die."""
     value = {name: LaunchConfiguration(name) for name in ARGUMENTS}
     scene = {
         "task": ParameterValue(value["task"], value_type=str),
@@ -41,10 +42,10 @@ def generate_launch_description() -> LaunchDescription:
     nodes = [
         _node("world", [scene, speed, hidden], condition=IfCondition(value["simulate"])),
         _node("dynamic_obstacles", [clock, obstacles], condition=IfCondition(appear)),
-        _node("perception", [clock], condition=IfCondition(value["simulate"])),
-        _node("perception", [clock, scene], condition=UnlessCondition(value["simulate"])),
+        _node("perception", [clock], condition=IfCondition(value["simulate"]), respawn=True),
+        _node("perception", [clock, scene], condition=UnlessCondition(value["simulate"]), respawn=True),
         _node("recorder", [clock, bag], condition=IfCondition(value["record"])),
-        _node("supervisor", [clock]),
+        _node("supervisor", [clock, {"service_patience": RESPAWN_PATIENCE}]),
         *[_node(name, [], respawn=True) for name in PLANNERS],
     ]
     declared = [DeclareLaunchArgument(name, default_value=d, description=text) for name, (d, text) in ARGUMENTS.items()]

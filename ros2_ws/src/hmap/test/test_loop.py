@@ -132,3 +132,23 @@ def test_after_the_end_calls_are_refused(scene):
     assert motion.done.is_set()
     with pytest.raises(HmapError):
         loop.call(lambda: None)
+
+
+def test_all_arms_are_stopped_at_once(loop, scene):
+    motion = loop.follow(ROBOT, swing(scene, 1000.0), Tolerances())
+    assert loop.stop_arms() == [ROBOT]
+    assert motion.done.wait(WAIT)
+    assert motion.outcome is Outcome.CANCELED and loop.stop_arms() == []
+
+
+def test_commands_to_robots_of_a_scene_that_was_replaced_are_refused_and_cancels_do_nothing(loop, scene):
+    motion = loop.grip(ROBOT, 0.02, 10.0)
+    loop.call(lambda: loop.load(load_scene("bolt", 0)))
+    assert motion.done.wait(WAIT) and motion.outcome is Outcome.CANCELED
+    loop.cancel_gripper(ROBOT)
+    loop.cancel_arm(ROBOT)
+    with pytest.raises(InputError, match=f"robot {ROBOT!r} has no gripper in the loaded scene; there are: ") as error:
+        loop.grip(ROBOT, 0.02, 10.0)
+    assert error.value.code is Code.UNKNOWN_ROBOT
+    with pytest.raises(InputError, match=f"robot {ROBOT!r} has no arm"):
+        loop.follow(ROBOT, swing(scene, 1.0), Tolerances())

@@ -41,6 +41,8 @@ class Code(IntEnum):
     GOAL_MISSED = 601
     OBJECT_DROPPED = 602
     WAY_BLOCKED = 603
+    NODE_LOST = 604
+    CONTROLLER_LOST = 605
     # anything else
     INTERNAL = 900
 

@@ -97,11 +97,13 @@ def run(arguments: argparse.Namespace) -> int:
 def _run(arguments: argparse.Namespace, folder: Path, stop: threading.Event, spares: list[Spare]) -> int:
     from hmap.session import Session  # imports ROS; a wrong task name is reported before that
 
-    files = {"bag": folder / BAG}
+    files: dict[str, Path] = {}
     with ProgressLine() as line:
         with Graph(folder / "logs", spares) as graph, Session(name=NODE_NAME) as session:
 
             def between() -> None:
+                for text in graph.news():
+                    line.note(text)
                 graph.check()
                 if stop.is_set():
                     raise Stopped
@@ -117,12 +119,14 @@ def _run(arguments: argparse.Namespace, folder: Path, stop: threading.Event, spa
             while not session.is_done(timeout=POLL):
                 between()
             result = session.result()
+            files |= {path.name: path for path in graph.bags()}
             if arguments.keep:
                 files |= _save(result, folder, not arguments.no_picture, line)
                 _print(result, files, arguments.json)
                 line.show("up", "the nodes run on; Ctrl-C ends them")
-                while not stop.wait(POLL):
-                    graph.check()
+                while not stop.is_set():
+                    stop.wait(POLL)
+                    between()
             line.show("stopping", "the nodes end")
         if not arguments.keep:
             files |= _save(result, folder, not arguments.no_picture, line)
@@ -147,10 +151,10 @@ def _start(graph: Graph, session, arguments: argparse.Namespace, folder: Path, l
     for name in ("komo_optimiser", "supervisor", "contact_proposer", "waypoint_planner", "perception"):
         graph.start(name)
     until = time.monotonic() + START_LIMIT
-    while len(up := session.ready(graph.nodes)) < len(graph.nodes):
+    while len(up := session.ready(nodes := graph.expected())) < len(nodes):
         between()
-        missing = [name for name in graph.nodes if name not in up]
-        line.show("starting", f"{len(up)} of {len(graph.nodes)} nodes are up; waiting for {', '.join(missing)}")
+        missing = [name for name in nodes if name not in up]
+        line.show("starting", f"{len(up)} of {len(nodes)} nodes are up; waiting for {', '.join(missing)}")
         if time.monotonic() > until:
             raise PlannerError(f"not up after {START_LIMIT:g} s: {', '.join(missing)}", Code.SERVICE_UNAVAILABLE)
         time.sleep(POLL)

@@ -12,9 +12,11 @@ from pathlib import Path
 
 from hmap.environment import ros_environment
 from hmap.launcher.spares import Spare
-from hmap_core.exceptions import ExecutionError, InputError
+from hmap_core.exceptions import Code, ExecutionError, InputError
 
 RESPAWNABLE = ("perception", "waypoint_planner", "contact_proposer", "komo_optimiser")  # have no state of their own
+OPTIONAL = ("recorder",)  # restarted, too; where that fails, the others go on without
+RESPAWN_PATIENCE = 30.0  # s that the supervisor waits for a node that is started anew, on a busy machine
 # their messages have stamps; the others save time
 USES_SIM_TIME = ("perception", "supervisor", "recorder", "dynamic_obstacles")
 # planning has priority over these if there are few processors
@@ -60,6 +62,10 @@ class NodeProcess:
         self.starts += 1
         self.code = None
         parameters = dict(self.parameters) | {"use_sim_time": self.name in USES_SIM_TIME}
+        if self.name == "recorder" and "path" in parameters:
+            parameters["path"] = self.bag(self.starts)
+        if self.name == "supervisor":
+            parameters.setdefault("service_patience", RESPAWN_PATIENCE)
         command = node_command(self.name, _assignments(parameters))
         if spare is not None:
             spare.run(self.name, command[NODE_ARGUMENTS:], self.log)
@@ -77,6 +83,11 @@ class NodeProcess:
         if self.name in LOW_PRIORITY:
             niceness = os.getpriority(os.PRIO_PROCESS, 0) + NICE
             os.setpriority(os.PRIO_PROCESS, self.process.pid, min(niceness, 19))
+
+    def bag(self, start: int) -> Path:
+        """The folder of the recorder's bag after a start, from 1: every start needs a new one."""
+        path = Path(str(self.parameters["path"]))
+        return path if start == 1 else path.with_name(f"{path.name}-{start}")
 
     def tail(self) -> str:
         """The end of its log."""
@@ -108,6 +119,7 @@ class Graph:
     _ending: threading.Event = field(default_factory=threading.Event)
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _failure: str = ""
+    _notes: list[str] = field(default_factory=list)
 
     def __enter__(self) -> "Graph":
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -130,10 +142,16 @@ class Graph:
         """Check that all nodes run.
 
         Raises:
-            ExecutionError: a node has died and is not restarted.
+            ExecutionError: NODE_LOST; a node has died and is not restarted.
         """
         if self._failure:
-            raise ExecutionError(self._failure)
+            raise ExecutionError(self._failure, Code.NODE_LOST)
+
+    def news(self) -> list[str]:
+        """What has happened to nodes without ending the run, each told once."""
+        with self._lock:
+            told, self._notes = self._notes, []
+        return told
 
     def end(self) -> None:
         """End all nodes with SIGINT, then SIGTERM, then SIGKILL; the recorder last, to record the others' end."""
@@ -146,6 +164,16 @@ class Graph:
         late = [name for name in self.nodes if name == "recorder"]
         for names in ([name for name in self.nodes if name not in late], late):
             self._end([self.nodes[name] for name in names])
+
+    def expected(self) -> list[str]:
+        """The nodes that run, or have to."""
+        with self._lock:
+            return [name for name, node in self.nodes.items() if node.code is None]
+
+    def bags(self) -> list[Path]:
+        """The folders of the recorder's bags: one for each time that it was started."""
+        node = self.nodes.get("recorder")
+        return [] if node is None else [node.bag(start) for start in range(1, node.starts + 1)]
 
     def exit_codes(self) -> dict[str, int | None]:
         """Map each node to its exit code, None while it runs."""
@@ -176,10 +204,14 @@ class Graph:
                             self._died(node)
 
     def _died(self, node: NodeProcess) -> None:
-        if node.code == 2 or node.name not in RESPAWNABLE or node.starts >= MAX_STARTS:
-            self._failure = f"the node {node.name} ended with exit code {node.code}; its log ends with:\n{node.tail()}"
-        else:
+        ended = f"the node {node.name} ended with exit code {node.code}"
+        if node.code != 2 and node.name in (*RESPAWNABLE, *OPTIONAL) and node.starts < MAX_STARTS:
             node.start(self._environment)
+            self._notes.append(f"{ended}; started anew")
+        elif node.name in OPTIONAL:
+            self._notes.append(f"{ended}; the others go on without it; its log ends with:\n{node.tail()}")
+        else:
+            self._failure = f"{ended}; its log ends with:\n{node.tail()}"
 
 
 def _send(process: subprocess.Popen | Spare, number: int) -> None:

@@ -47,12 +47,14 @@ class ContactProposerNode(HmapNode):
         super().__init__("contact_proposer")
         self._time_limit = self.parameter("time_limit", 30.0, "s, of a request that names none", 0.01, 3600.0)
         self._count = self.parameter("count", 40, "contacts at most, of a request that names no number", 1, 10000)
-        patience = self.parameter("service_patience", 20.0, "s to wait for a service that is away", 0.0, 3600.0)
+        patience = self.parameter("service_patience", 5.0, "s to wait for a node that is away or has died", 0.0, 3600.0)
         name = self.parameter("proposer", "sampled", "proposes contacts before sampled ones; see `hmap plugins`")
         self._proposers = proposers(plugins.create(plugins.CONTACT_PROPOSERS, name))
         text = "whether komo_optimiser checks contacts, instead of this node"
         remote = self.parameter("check_remotely", False, text)
-        self._checker = RosContactChecker(Caller(self, patience)) if remote else LocalContactChecker()
+        self._checker = (
+            RosContactChecker(Caller(self, patience, ["check_contacts"])) if remote else LocalContactChecker()
+        )
         self.serve(ProposeContacts, "propose_contacts", self._propose)
 
     def _propose(self, request: ProposeContacts.Request, response: ProposeContacts.Response) -> None:

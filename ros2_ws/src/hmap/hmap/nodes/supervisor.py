@@ -14,10 +14,11 @@ from rclpy.action.server import ServerGoalHandle
 from visualization_msgs.msg import MarkerArray
 
 from hmap.conversions import known_object, plan_to_message
+from hmap.heartbeats import Heartbeat, runs_already
 from hmap.naming import Naming
 from hmap.node import LATCHED, HmapNode, run
 from hmap.remote_components import remote_components
-from hmap.requests import Caller, time_limit
+from hmap.requests import OFFERED_BY, Caller, time_limit
 from hmap.supervision.controllers import Controllers
 from hmap.supervision.markers import markers_of
 from hmap.supervision.ports import ros_ports
@@ -45,6 +46,10 @@ LOADING_LIMIT = 30.0  # s for a scene to be loaded
 UNDISTURBED = 1.0  # s in which plan repair does not share the interpreter with callbacks; a cancellation waits as long
 REHEARSAL_LIMIT = 30.0  # s
 STOPPING, REPLANNING = "stopping", "replanning"  # phases beside those of PlannerStatus
+SECOND = (
+    "another supervisor runs on this cell already (a node 'supervisor' in the same namespace and ROS domain), and two "
+    "would move the same arms; end one of them, or start it in another namespace"
+)
 
 
 @dataclass
@@ -55,6 +60,7 @@ class Job:
     began: float = field(default_factory=time.monotonic)
     replaced: threading.Event = field(default_factory=threading.Event)
     result: Manipulate.Result = field(default_factory=Manipulate.Result)
+    phase: str = PlannerStatus.LOADING  # the last one that was told
     plans: int = 0  # that were asked for
     blocked: int = 0  # how often a body came in the way
     last_blocked: tuple[Plan, float] | None = None  # the last blocked plan, and up to which time (s)
@@ -67,18 +73,27 @@ class Job:
 
 
 class Supervisor(HmapNode):
-    """Plans and executes one goal at a time; a new goal takes the place of the one before."""
+    """Plans and executes one goal at a time; a new goal takes the place of the one before.
+
+    Raises:
+        InputError: another supervisor runs already.
+    """
 
     plans = True
 
     def __init__(self):
+        if runs_already("supervisor"):
+            raise InputError(SECOND)
         super().__init__("supervisor")
+        self._others = Heartbeat(self, "supervisor", self.group)
         self._naming = Naming(self, "arm_joint", "arm_action", "gripper_action")
         self._time_limit = self.parameter(
             "time_limit", 120.0, "s for planning, of a goal that names none", 0.1, 86400.0
         )
         self._planner = self.parameter("planner", plugins.DEFAULT_PLANNER, "the method; see `hmap plugins`")
-        self._patience = self.parameter("service_patience", 30.0, "s to wait for a node that is away", 0.0, 3600.0)
+        self._patience = self.parameter(
+            "service_patience", 5.0, "s to wait for a node that is away or has died", 0.0, 3600.0
+        )
         self._state_patience = self.parameter("state_patience", 10.0, "s to wait for a world state", 0.0, 3600.0)
         replans = self.parameter("replans", 2, "new plans after an execution that went wrong", 0, 1000)
         text = "new plans because a body came in the way"
@@ -94,7 +109,7 @@ class Supervisor(HmapNode):
         self._markers = self.create_publisher(MarkerArray, "markers", LATCHED)
         self._status_topic = self.create_publisher(PlannerStatus, "planner_status", LATCHED)
         self._scene_monitor = SceneMonitor(self, stale)
-        self._remote = Caller(self, self._patience)
+        self._remote = Caller(self, self._patience, OFFERED_BY)
         self._controllers = Controllers(self, self._naming, self._patience)
         self._scene_monitor.on_change(self._controllers.news.set)
         self._turn, self._jobs = threading.Lock(), threading.Lock()
@@ -141,6 +156,8 @@ class Supervisor(HmapNode):
         return None
 
     def _manipulate(self, job: Job) -> None:
+        if self._others.alive:  # both were started at the same time
+            raise InputError(SECOND)
         limit = time_limit(job.goal, self._time_limit)
         scene = self._goal_scene(job)
         state = self._scene_monitor.settled(self._state_patience)
@@ -200,7 +217,7 @@ class Supervisor(HmapNode):
         return self._scene_monitor.wait_for_scene(goal.task, int(goal.seed), self._state_patience)
 
     def _caller(self, job: Job) -> Caller:
-        return self._remote.until(lambda: self._canceled(job))
+        return self._remote.until(lambda: self._canceled(job), lambda text: self._say(job, job.phase, text))
 
     # planning
 
@@ -299,6 +316,7 @@ class Supervisor(HmapNode):
         status = PlannerStatus(phase=phase, waypoint=int(i), waypoint_count=int(count), attempt=int(attempt), text=text)
         status.header.stamp = self.get_clock().now().to_msg()
         if job is not None:
+            job.phase = phase
             status.elapsed = time.monotonic() - job.began
             if job.handle.is_active:
                 job.handle.publish_feedback(Manipulate.Feedback(status=status))

@@ -13,6 +13,7 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from hmap.conversions import body_from_message, scene_to_message, state_to_message
+from hmap.heartbeats import MOTION_LEASE, Heartbeat
 from hmap.naming import Naming
 from hmap.node import LATCHED, HmapNode, run
 from hmap.world.actions import ControllerActions
@@ -71,12 +72,21 @@ class WorldNode(HmapNode):
         self.serve(MoveBody, "move_body", self._move)
         self.serve(RemoveBody, "remove_body", self._remove)
         self.create_service(Trigger, "take_pictures", self._take_pictures, callback_group=self.group)
+        self._supervisor = Heartbeat(self, "supervisor", self.group, self._stop_arms, MOTION_LEASE)
         self._loop.start()
 
     def close(self) -> None:
         """Stop the simulation."""
         super().close()
         self._loop.stop()
+
+    def _stop_arms(self) -> None:
+        """Nothing moves without the supervisor that sent it."""
+        if self.stopping.is_set():
+            return
+        moving = self._loop.stop_arms()
+        if moving:
+            self.get_logger().warning(f"the supervisor has died; stopped: {', '.join(moving)}")
 
     # services
 

@@ -126,13 +126,13 @@ class WorldLoop(threading.Thread):
             start: simulated time (s) of the trajectory's time 0; None: now.
 
         Raises:
-            InputError: the controller rejects the trajectory, or all of it is in the past.
+            InputError: the controller rejects the trajectory, all of it is in the past, or the scene has no such robot.
         """
 
         def begin() -> Motion:
             now = self.world.time
             left = trajectory if start is None else from_instant(trajectory, start, now)
-            return self._begin(self._arms[robot], left, now, tolerances)
+            return self._begin(_of(self._arms, robot, "arm"), left, now, tolerances)
 
         return self.call(begin)
 
@@ -145,17 +145,42 @@ class WorldLoop(threading.Thread):
             force: N.
 
         Raises:
-            InputError: the controller rejects the command.
+            InputError: the controller rejects the command, or the scene has no such robot.
         """
-        return self.call(lambda: self._begin(self._grippers[robot], opening, force))
+        return self.call(lambda: self._begin(_of(self._grippers, robot, "gripper"), opening, force))
 
     def cancel_arm(self, robot: str) -> None:
-        """Stop an arm."""
-        self.call(lambda: self._arms[robot].cancel(self.world.time))
+        """Stop an arm; one that left with another scene stands already."""
+
+        def cancel() -> None:
+            if robot in self._arms:
+                self._arms[robot].cancel(self.world.time)
+
+        self.call(cancel)
 
     def cancel_gripper(self, robot: str) -> None:
-        """Stop a gripper at its current opening."""
-        self.call(self._grippers[robot].cancel)
+        """Stop a gripper at its current opening; one that left with another scene stands already."""
+
+        def cancel() -> None:
+            if robot in self._grippers:
+                self._grippers[robot].cancel()
+
+        self.call(cancel)
+
+    def stop_arms(self) -> list[str]:
+        """Stop all arms that move; grippers keep what they hold.
+
+        Returns:
+            the robots whose arms moved.
+        """
+
+        def stop() -> list[str]:
+            moving = [name for name, arm in self._arms.items() if arm.moving]
+            for name in moving:
+                self._arms[name].cancel(self.world.time)
+            return moving
+
+        return self.call(stop)
 
     # bodies; called inside :meth:`call`
 
@@ -280,3 +305,15 @@ class WorldLoop(threading.Thread):
             motion.state = state
             if not controller.active:
                 motion.finish(controller.outcome, reason)
+
+
+def _of(controllers: dict[str, T], robot: str, what: str) -> T:
+    """The controller of a robot.
+
+    Raises:
+        InputError: UNKNOWN_ROBOT; another scene has been loaded meanwhile.
+    """
+    if robot not in controllers:
+        known = ", ".join(controllers) or "none"
+        raise InputError(f"robot {robot!r} has no {what} in the loaded scene; there are: {known}", Code.UNKNOWN_ROBOT)
+    return controllers[robot]

@@ -49,6 +49,14 @@ class ProgressLine:
             self._stream.write(f"\r\033[K{stamped}" if self._terminal else f"{stamped}\n")
             self._stream.flush()
 
+    def note(self, text: str) -> None:
+        """Write a line that stays, whatever is shown afterwards."""
+        with self._lock:
+            start = "\r\033[K" if self._terminal else ""
+            self._stream.write(f"{start}[{time.monotonic() - self._began:6.1f} s] {text}\n")
+            self._stream.flush()
+            self._shown, self._last = "", -float("inf")
+
     def planning(self, phase: str, waypoint: int, waypoints: int, attempt: int, text: str = "") -> None:
         """Show the state of Algorithm 1.
 

@@ -1,0 +1,112 @@
+"""Whether nodes live: each has a topic ``<node>/heartbeat``, whose liveliness DDS watches.
+
+Nothing is published there. The middleware of a process asserts the liveliness of its publishers in a thread of its own,
+so a node that computes for long counts as alive, and one whose process was killed or stopped is noticed within its
+lease. Discovery alone takes a dead process for alive for about 20 s.
+"""
+
+import time
+from collections.abc import Callable
+
+from rclpy.callback_groups import CallbackGroup
+from rclpy.duration import Duration
+from rclpy.event_handler import QoSLivelinessChangedInfo, SubscriptionEventCallbacks
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import LivelinessPolicy, QoSProfile
+from std_msgs.msg import Empty
+
+LEASE = 2.0  # s without a sign of life after which a node counts as dead
+MOTION_LEASE = 0.35  # s, of the supervisor: motions stop within 0.5 s of its death; each node gives signs this often
+PROBE = 1.5  # s to look for a node that runs already
+
+
+def heartbeat_topic(role: str) -> str:
+    """The topic of a node, by the name that it has where it is not renamed."""
+    return f"{role}/heartbeat"
+
+
+def offer_heartbeat(node: Node, role: str) -> Publisher:
+    """Show others that a node lives.
+
+    Args:
+        node: that lives.
+        role: its name where it is not renamed, such as ``komo_optimiser``.
+    """
+    return node.create_publisher(Empty, heartbeat_topic(role), _quality(MOTION_LEASE))
+
+
+class Heartbeat:
+    """The other nodes of one role, as seen by a node.
+
+    Attributes:
+        role: the name of the nodes where they are not renamed.
+        alive: how many of them live; the watching node itself is not counted.
+        lost: whether there was one, and none lives any more.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        role: str,
+        group: CallbackGroup | None = None,
+        on_loss: Callable[[], None] = lambda: None,
+        lease: float = LEASE,
+    ):
+        """
+        Args:
+            node: that watches; its executor calls back.
+            role: of the watched nodes.
+            group: of the callbacks.
+            on_loss: called when the last of them has died or ended.
+            lease: s without a sign of life after which one counts as dead, MOTION_LEASE or more.
+        """
+        self.role, self.alive, self.lost = role, 0, False
+        self._on_loss = on_loss
+        self.subscription = node.create_subscription(
+            Empty,
+            heartbeat_topic(role),
+            lambda _: None,
+            _quality(lease),
+            callback_group=group,
+            event_callbacks=SubscriptionEventCallbacks(liveliness=self._changed),
+        )
+
+    def _changed(self, info: QoSLivelinessChangedInfo) -> None:
+        before, self.alive = self.alive, int(info.alive_count)
+        self.lost = self.alive == 0 and (self.lost or before > 0)
+        if self.alive == 0 and before > 0:
+            self._on_loss()
+
+
+def runs_already(role: str, limit: float = PROBE) -> bool:
+    """Whether a node of a role lives; for a process that is about to become one, before it spins.
+
+    Args:
+        role: of the node.
+        limit: s to look for it; all of it where there is none.
+    """
+    node = Node(f"{role}_probe", use_global_arguments=True, start_parameter_services=False)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        other, until = Heartbeat(node, role, lease=MOTION_LEASE), time.monotonic() + limit
+        while (left := until - time.monotonic()) > 0.0 and not other.alive:
+            executor.spin_once(left)
+        return other.alive > 0 and not _dies(executor, other)
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+
+
+def _dies(executor: SingleThreadedExecutor, other: Heartbeat) -> bool:
+    """Whether a node that seems to live was killed a moment ago."""
+    until = time.monotonic() + 3.0 * MOTION_LEASE
+    while (left := until - time.monotonic()) > 0.0 and other.alive:
+        executor.spin_once(left)
+    return not other.alive
+
+
+def _quality(lease: float) -> QoSProfile:
+    return QoSProfile(depth=1, liveliness=LivelinessPolicy.AUTOMATIC, liveliness_lease_duration=Duration(seconds=lease))

@@ -1,0 +1,155 @@
+"""A node that is killed is noticed and named within seconds, and a second supervisor before it starts."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+import rclpy
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+
+from hmap.environment import ros_environment
+from hmap.heartbeats import MOTION_LEASE, Heartbeat, runs_already
+from hmap.node import HmapNode
+from hmap.requests import Caller
+from hmap.spinning import Spinner
+from hmap_core.exceptions import Code, PlannerError
+from hmap_msgs.srv import PlanWaypoints
+
+os.environ["ROS_DOMAIN_ID"] = str(120 + os.getpid() % 100)  # each process of tests takes its own
+NAMESPACE = "/heartbeats"
+ROLE, SERVICE = "waypoint_planner", "plan_waypoints"
+LIMIT = 60.0  # s on a busy machine
+SOON = 8.0  # s in which a node that has died is named on a busy machine, far less than DDS takes
+STAND_IN = """
+import sys, time
+import rclpy
+from hmap.heartbeats import offer_heartbeat
+from hmap_msgs.srv import PlanWaypoints
+
+def answer(request, response):
+    if sys.argv[2] == "hangs":
+        time.sleep(600)
+    return response
+
+rclpy.init(args=["--ros-args", "-r", "__ns:=/heartbeats"])
+node = rclpy.create_node("stand_in")
+heartbeat = offer_heartbeat(node, sys.argv[1])
+service = node.create_service(PlanWaypoints, "plan_waypoints", answer)
+print("up", flush=True)
+rclpy.spin(node)
+"""
+
+
+@pytest.fixture
+def stand_in():
+    """Starts processes that stand in for a node."""
+    started = []
+
+    def start(role: str, what: str) -> subprocess.Popen:
+        command = [sys.executable, "-c", STAND_IN, role, what]
+        process = subprocess.Popen(command, env=ros_environment(), stdout=subprocess.PIPE, text=True)
+        started.append(process)
+        assert process.stdout.readline() == "up\n"
+        return process
+
+    yield start
+    for process in started:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+@pytest.fixture
+def node():
+    rclpy.init(args=["--ros-args", "-r", f"__ns:={NAMESPACE}"], signal_handler_options=SignalHandlerOptions.NO)
+    node = HmapNode("watching")
+    executor = MultiThreadedExecutor(4)
+    executor.add_node(node)
+    spinner = Spinner(executor, node.callback_failed)
+    yield node
+    node.close()
+    spinner.stop()
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+def until(condition, limit: float = LIMIT) -> None:
+    end = time.monotonic() + limit
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_the_death_of_a_node_is_noticed_within_its_lease(node, stand_in, number):
+    lost = threading.Event()
+    heartbeat = Heartbeat(node, ROLE, node.group, lost.set, MOTION_LEASE)
+    process = stand_in(ROLE, "answers")
+    until(lambda: heartbeat.alive == 1)
+    assert not heartbeat.lost
+    process.send_signal(number)
+    assert lost.wait(10.0 * MOTION_LEASE)
+    assert heartbeat.lost and heartbeat.alive == 0
+
+
+def asked(caller, found: list) -> threading.Thread:
+    """A request in a thread of its own."""
+
+    def ask() -> None:
+        try:
+            found.append(caller.ask(PlanWaypoints, SERVICE, PlanWaypoints.Request(), LIMIT))
+        except PlannerError as error:
+            found.append(error)
+
+    thread = threading.Thread(target=ask)
+    thread.start()
+    return thread
+
+
+def until_seen(caller) -> None:
+    client = caller.client(PlanWaypoints, SERVICE)
+    until(lambda: caller._heartbeats[SERVICE].alive == 1 and client.service_is_ready())
+
+
+def test_a_planner_that_dies_while_it_works_is_named_soon(node, stand_in):
+    told, found = [], []
+    caller = Caller(node, 1.0, [SERVICE]).until(lambda: False, told.append)
+    process = stand_in(ROLE, "hangs")
+    until_seen(caller)
+    thread = asked(caller, found)
+    process.kill()
+    thread.join(SOON)
+    (error,) = found
+    assert error.code is Code.SERVICE_UNAVAILABLE and f"the node '{ROLE}' has died" in error.reason
+    assert told == [f"the node '{ROLE}' has died; it gets 1 s to be started anew"]
+
+
+def test_a_planner_that_is_started_anew_is_asked_again_at_once(node, stand_in):
+    told, found = [], []
+    caller = Caller(node, LIMIT, [SERVICE]).until(lambda: False, told.append)
+    process = stand_in(ROLE, "hangs")
+    until_seen(caller)
+    thread = asked(caller, found)
+    process.kill()
+    until(lambda: told)
+    stand_in(ROLE, "answers")
+    thread.join(LIMIT)
+    assert isinstance(found[0], PlanWaypoints.Response)
+
+
+def test_a_planner_that_is_not_there_is_named(node):
+    with pytest.raises(PlannerError, match=f"is the node '{ROLE}' running"):
+        Caller(node, 0.2, [SERVICE]).ask(PlanWaypoints, SERVICE, PlanWaypoints.Request(), LIMIT)
+
+
+def test_a_second_node_of_a_role_is_noticed_and_one_that_was_killed_is_not(node, stand_in):
+    assert not runs_already("supervisor")
+    process = stand_in("supervisor", "answers")
+    assert runs_already("supervisor", LIMIT)
+    process.kill()
+    assert not runs_already("supervisor")

@@ -1,0 +1,88 @@
+"""What the launcher does when a node dies; stand-ins are started in place of the nodes."""
+
+import os
+import signal
+import sys
+import time
+
+import pytest
+
+from hmap.launcher import processes
+from hmap.launcher.processes import MAX_STARTS, Graph
+from hmap_core.exceptions import Code, ExecutionError
+
+LIMIT = 60.0  # s on a busy machine
+STAND_IN = "import sys, time; print(*sys.argv[1:], flush=True); time.sleep(600)"
+
+
+@pytest.fixture
+def graph(tmp_path, monkeypatch):
+    """A graph whose nodes print their arguments and wait."""
+    monkeypatch.setattr(
+        processes, "node_command", lambda name, assignments: [sys.executable, "-c", STAND_IN, name, *assignments]
+    )
+    monkeypatch.setattr(processes, "END_TIMEOUT", 0.2)
+    with Graph(tmp_path / "logs") as graph:
+        yield graph
+
+
+def until(condition) -> None:
+    end = time.monotonic() + LIMIT
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def kill(graph, name: str) -> None:
+    """Kill a node, and wait until the launcher has noticed."""
+    node = graph.nodes[name]
+    starts = node.starts
+    until(lambda: node.log.exists() and len(node.log.read_text().splitlines()) == starts)
+    os.killpg(node.process.pid, signal.SIGKILL)
+    until(lambda: node.starts > starts or node.code is not None)
+
+
+def test_a_recorder_that_dies_is_started_anew_with_another_bag_and_named(graph, tmp_path):
+    graph.start("recorder", {"path": tmp_path / "bag"})
+    graph.start("world")
+    kill(graph, "recorder")
+    graph.check()
+    assert graph.news() == ["the node recorder ended with exit code -9; started anew"] and graph.news() == []
+    log = tmp_path / "logs" / "recorder.log"
+    until(lambda: len(log.read_text().splitlines()) == 2)
+    first, second = log.read_text().splitlines()
+    assert f"path:={tmp_path / 'bag'} " in first and f"path:={tmp_path / 'bag-2'} " in second
+    assert graph.bags() == [tmp_path / "bag", tmp_path / "bag-2"]
+
+
+def test_the_others_go_on_without_a_recorder_that_dies_again_and_again(graph, tmp_path):
+    graph.start("recorder", {"path": tmp_path / "bag"})
+    graph.start("world")
+    for _ in range(MAX_STARTS):
+        kill(graph, "recorder")
+    graph.check()
+    assert "go on without it" in graph.news()[-1]
+    assert graph.expected() == ["world"]
+
+
+def test_perception_and_the_planners_are_started_anew(graph):
+    for name in ("perception", "waypoint_planner", "contact_proposer", "komo_optimiser"):
+        graph.start(name)
+        kill(graph, name)
+        assert graph.nodes[name].starts == 2
+    graph.check()
+
+
+@pytest.mark.parametrize("name", ["supervisor", "world"])
+def test_without_supervisor_or_world_the_run_ends_with_the_nodes_name(graph, name):
+    graph.start(name)
+    kill(graph, name)
+    with pytest.raises(ExecutionError, match=f"the node {name} ended with exit code -9") as error:
+        graph.check()
+    assert error.value.code is Code.NODE_LOST
+
+
+def test_the_supervisor_waits_longer_where_nodes_are_started_anew(graph, tmp_path):
+    graph.start("supervisor")
+    log = tmp_path / "logs" / "supervisor.log"
+    until(lambda: log.exists() and "service_patience:=30.0" in log.read_text())
