@@ -71,7 +71,7 @@ JUDGE_MAY_IMPORT = {"exceptions", "validation"}
 # Only the simulation knows PyBullet; these use the simulation: a path inside the package, or a folder of it.
 SIMULATION = "hmap_core.simulation"
 SIMULATION_USERS = {
-    "hmap_core": {"simulation", "evaluation", "robot_setup", "viz", "cli/execute.py"},
+    "hmap_core": {"simulation", "evaluation", "robot_setup", "viz", "cli/bench_robustness.py", "cli/execute.py"},
     "hmap": {"world", "nodes/world.py", "nodes/dynamic_obstacles.py"},
 }
 

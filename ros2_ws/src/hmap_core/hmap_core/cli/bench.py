@@ -8,14 +8,15 @@ from hmap_core.cli import (
     bench_limits,
     bench_parts,
     bench_quality,
+    bench_robustness,
     bench_startup,
     bench_tasks,
 )
 from hmap_core.cli.main import add_kinds
 
 HELP = (
-    "measure: tasks and generality (how often they are solved, how fast), komo (against RAI's), limits, "
-    "parts (object paths among many parts), quality (of motions) or startup"
+    "measure: tasks and generality (how often they are solved, how fast), robustness (in worlds that are off), "
+    "quality (of motions), komo (against RAI's), limits, parts (object paths among many parts) or startup"
 )
 WHAT = {
     "generality": bench_generality,
@@ -23,6 +24,7 @@ WHAT = {
     "limits": bench_limits,
     "parts": bench_parts,
     "quality": bench_quality,
+    "robustness": bench_robustness,
     "startup": bench_startup,
     "tasks": bench_tasks,
 }

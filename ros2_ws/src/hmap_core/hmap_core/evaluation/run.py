@@ -14,6 +14,7 @@ from hmap_core.exceptions import Code, HmapError
 from hmap_core.plan_file import to_dict
 from hmap_core.scenes import load_scene
 from hmap_core.simulation.execute import execute_closed_loop
+from hmap_core.simulation.perturbation import Perturbation
 from hmap_core.types import Plan, TaskMode
 from hmap_core.validation import check
 from hmap_core.validation.report import Report
@@ -84,7 +85,8 @@ def _violations(report: Report) -> str:
 
 def _executed(trial: Trial, plan: Plan, planned: TrialResult) -> TrialResult:
     replan = replanner(trial.seed, trial.time_limit)
-    report = execute_closed_loop(plan, replan, trial.max_replans)
+    actual = Perturbation.parse(trial.perturbation).apply(plan.scene, trial.sample) if trial.perturbation else None
+    report = execute_closed_loop(plan, replan, trial.max_replans, engine=trial.engine, actual=actual)
     return replace(
         planned,
         executed=True,

@@ -3,6 +3,7 @@
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+PYBULLET = "pybullet"  # the engine of executions if no other is chosen
 PUBLISHED = "published/"  # prefix of the tasks with the published geometry
 NOT_VALID = "NOT_VALID"  # code of a result whose plan the judge rejects
 DEFAULT_REPLANS = 3  # number of replans that an execution may request
@@ -23,6 +24,9 @@ class Trial:
         time_limit: wall-clock time for each plan, s.
         max_replans: number of replans that the execution may request.
         warm_up: the task that a worker process plans before its first trial, once for each; empty: ``task``.
+        engine: the physics engine of the execution.
+        perturbation: how far the world is off that executes the plan; empty: not at all.
+        sample: seed of the perturbation.
     """
 
     task: str
@@ -30,6 +34,9 @@ class Trial:
     time_limit: float
     max_replans: int
     warm_up: str = ""
+    engine: str = PYBULLET
+    perturbation: str = ""
+    sample: int = 0
 
     @property
     def name(self) -> str:

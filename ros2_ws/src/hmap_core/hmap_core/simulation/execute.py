@@ -4,19 +4,21 @@ Nothing but the joints and the fingers is ever commanded, through the same contr
 """
 
 from collections.abc import Callable
+from contextlib import closing
 
 from hmap_core.execution.drift import DriftTolerance
 from hmap_core.execution.plan_executor import PlanExecutor, Progress
 from hmap_core.execution.recovery import RecoveryPolicy, Replanner
 from hmap_core.execution.report import ClosedLoopReport, ExecutionReport
 from hmap_core.execution.stretches import Stretch, check_executable
+from hmap_core.simulation.engines import PYBULLET, open_world
+from hmap_core.simulation.physics_world import PhysicsWorld
 from hmap_core.simulation.ports import SimulatedControllers, simulated_ports
-from hmap_core.simulation.world import SimulatedWorld
-from hmap_core.types import Plan
+from hmap_core.types import Plan, Scene
 
 START_SETTLE = 0.2  # s for the bodies to come to rest before anything moves
 
-Between = Callable[[SimulatedWorld, Stretch], None]
+Between = Callable[[PhysicsWorld, Stretch], None]
 
 
 def execute(plan: Plan, on_progress: Progress | None = None) -> ExecutionReport:
@@ -41,6 +43,8 @@ def execute_closed_loop(
     tolerance: DriftTolerance | None = None,
     on_progress: Progress | None = None,
     between: Between | None = None,
+    engine: str = PYBULLET,
+    actual: Scene | None = None,
 ) -> ClosedLoopReport:
     """Execute a plan in a simulation of its own, and new plans where the world is not as planned.
 
@@ -52,13 +56,15 @@ def execute_closed_loop(
         tolerance: of bodies between contacts; at the end it is the scene's execution tolerance for the goal's object.
         on_progress: as in :func:`execute`, of the plan that is being executed.
         between: called after every stretch, to disturb the world.
+        engine: one of :data:`hmap_core.simulation.engines.ENGINES`.
+        actual: the scene as it is, if that differs from what the plan knows; only the world has it.
 
     Raises:
-        InputError: the plan is kinematic, or inconsistent with its scene.
+        InputError: the plan is kinematic, or inconsistent with its scene; the engine is not installed.
     """
     check_executable(plan)
     policy = RecoveryPolicy(max_replans, max_replans, drift=tolerance or DriftTolerance())
-    with SimulatedWorld(plan.scene) as world:
+    with closing(open_world(plan.scene, engine, actual)) as world:
         controllers = SimulatedControllers(world)
         controllers.pass_time(START_SETTLE)
         ports = simulated_ports(world, controllers)

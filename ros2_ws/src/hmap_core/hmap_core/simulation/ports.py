@@ -9,7 +9,7 @@ from hmap_core.exceptions import Code, ExecutionError, PlannerError
 from hmap_core.execution.outcome import Outcome
 from hmap_core.execution.ports import Canceled, Command, Feedback, Ports
 from hmap_core.simulation.controllers import GripperController, TrajectoryController, from_instant
-from hmap_core.simulation.world import SimulatedWorld
+from hmap_core.simulation.physics_world import PhysicsWorld
 from hmap_core.trajectory.samples import movable_bodies
 from hmap_core.types import JointTrajectory, Robot, Scene, SceneState
 
@@ -53,7 +53,7 @@ class SimulatedCommand:
 class SimulatedControllers:
     """Arms and grippers of a simulated world, with the controllers that a robot would have."""
 
-    def __init__(self, world: SimulatedWorld):
+    def __init__(self, world: PhysicsWorld):
         """
         Args:
             world: used by nothing else meanwhile.
@@ -191,7 +191,7 @@ class SimulatedControllers:
 class SimulatedObservation:
     """Everything in a simulated world, exactly and at once."""
 
-    def __init__(self, world: SimulatedWorld, controllers: SimulatedControllers):
+    def __init__(self, world: PhysicsWorld, controllers: SimulatedControllers):
         """
         Args:
             world: what is seen.
@@ -269,7 +269,7 @@ class SimulatedObservation:
 class SimulatedClock:
     """The time of a simulated world."""
 
-    def __init__(self, world: SimulatedWorld):
+    def __init__(self, world: PhysicsWorld):
         """
         Args:
             world: whose time.
@@ -281,7 +281,7 @@ class SimulatedClock:
         return self._world.time
 
 
-def simulated_ports(world: SimulatedWorld, controllers: SimulatedControllers | None = None) -> Ports:
+def simulated_ports(world: PhysicsWorld, controllers: SimulatedControllers | None = None) -> Ports:
     """The ports of a plan executor that works in a simulated world.
 
     Args:
