@@ -58,6 +58,7 @@ class SegmentData(Data):
     object: str | None = None
     kind: SegmentKind
     contact_pose: PoseVector | None = None
+    force: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> "SegmentData":
@@ -66,6 +67,8 @@ class SegmentData(Data):
         if self.kind is not SegmentKind.TRANSIT and (self.object is None or self.contact_pose is None):
             problem = "a {kind} segment needs object and contact_pose"
             raise PydanticCustomError("segment", problem, {"kind": self.kind.value})
+        if (self.kind is SegmentKind.PRESS) != (self.force is not None):
+            raise PydanticCustomError("segment", "a press segment needs a force in N, and no other kind has one")
         return self
 
 
@@ -227,7 +230,7 @@ def _finite(array: np.ndarray, key: str) -> list:
 
 
 def _segment_dict(segment: Segment) -> dict[str, Any]:
-    return {
+    data: dict[str, Any] = {
         "start": round(float(segment.start), DECIMALS),
         "end": round(float(segment.end), DECIMALS),
         "robot": segment.robot,
@@ -236,6 +239,9 @@ def _segment_dict(segment: Segment) -> dict[str, Any]:
         "kind": segment.kind.value,
         "contact_pose": None if segment.contact_pose is None else to_lists(segment.contact_pose),
     }
+    if segment.force is not None:
+        data["force"] = float(segment.force)
+    return data
 
 
 def _jsonable(value: Any) -> Any:

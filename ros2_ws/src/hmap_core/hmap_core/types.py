@@ -305,6 +305,7 @@ class ContactKind(StrEnum):
     TOUCH = "touch"  # kinematic mode: a fingertip on the surface carries the object
     GRASP = "grasp"  # two fingers close on opposite faces
     PUSH = "push"  # closed fingers push a face with sticking contact
+    PRESS = "press"  # fingertips press on the top of an object that slides on its support
 
 
 @dataclass(frozen=True)
@@ -318,6 +319,7 @@ class ContactPoint:
     opening: float  # gripper opening while in contact, m
     approach: np.ndarray  # (3,) unit direction of the final approach, end-effector frame
     score: float = 0.0  # contacts with higher scores are tried first
+    force: float = 0.0  # N with which a press presses along its approach; 0 for other kinds
 
 
 class SegmentKind(StrEnum):
@@ -327,6 +329,7 @@ class SegmentKind(StrEnum):
     TOUCH = "touch"
     GRASP = "grasp"
     PUSH = "push"
+    PRESS = "press"
 
 
 @dataclass(frozen=True)
@@ -340,6 +343,7 @@ class Segment:
     object: str | None  # the object in contact; None in transit
     kind: SegmentKind
     contact_pose: np.ndarray | None = None  # T_obj_manipulator (7,)
+    force: float | None = None  # N with which a press presses downwards; None for other kinds
 
     @property
     def contact_object(self) -> str:
@@ -384,12 +388,15 @@ class JointTrajectory:
             commanded positions to the first point.
         positions: (N, n) rad.
         velocities: (N, n) rad/s, for cubic interpolation; None for linear interpolation.
+        efforts: (N, n) N m or N that the joints apply beside those that follow the motion, as to press on something;
+            linear between the points. None: none.
     """
 
     names: tuple[str, ...]
     times: np.ndarray
     positions: np.ndarray
     velocities: np.ndarray | None = None
+    efforts: np.ndarray | None = None
 
     def require_velocities(self) -> np.ndarray:
         """The velocities (N, n) of a motion that must have them.

@@ -57,3 +57,37 @@ def crate(folder: Path) -> Scene:
     file = folder / "crate.yaml"
     file.write_text(CRATE)
     return load_scene(str(file))
+
+
+DRAGGED = """
+schema: 1
+description: Bring a flat body to another place of the table.
+mode: physical
+fixed:
+  table: {{shape: box, size: [2.4, 2.4, 0.1], pose: {{xyz: [0, 0, -0.05]}}, friction: {ground}}}
+movable:
+  {name}: {{{shape}, pose: {{xyz: [0.45, -0.12, {z}]}}, mass: 0.15, friction: 0.5}}
+robots:
+  arm: {{model: panda, base: {{xyz: [0, 0, 0]}}}}
+goal:
+  object: {name}
+  pose: {{xyz: [0.5, 0.12, {z}]}}
+  position_tolerance: 0.01
+  rotation_tolerance_deg: 5
+"""
+
+
+def plate(folder: Path, size=(0.12, 0.11, 0.008), ground: float = 0.6) -> Scene:
+    """A plate of a size in m on a table with a friction coefficient, wanted 24 cm farther."""
+    return _dragged(folder, f"shape: box, size: {list(size)}", size[2], "plate", ground)
+
+
+def disc(folder: Path, radius: float = 0.055, height: float = 0.028) -> Scene:
+    """A disc of a size in m that is too wide for the gripper, wanted 24 cm farther."""
+    return _dragged(folder, f"shape: cylinder, size: [{radius}, {height}]", height, "disc")
+
+
+def _dragged(folder: Path, shape: str, height: float, name: str, ground: float = 0.6) -> Scene:
+    file = folder / f"{name}.yaml"
+    file.write_text(DRAGGED.format(shape=shape, ground=ground, z=height / 2, name=name))
+    return load_scene(str(file))

@@ -189,10 +189,10 @@ def test_a_way_goes_on_from_where_the_object_was_brought():
 # --- whole tasks
 
 
-def test_a_slab_is_pushed_over_an_edge_and_gripped_there(slab):
+def test_a_slab_is_slid_over_an_edge_and_gripped_there(slab):
     plan = planner.plan(slab, seed=0)  # the judge has accepted it
     kinds = [segment.kind for segment in plan.segments if segment.kind != SegmentKind.TRANSIT]
-    assert kinds[0] == SegmentKind.PUSH and kinds[-1] == SegmentKind.GRASP
+    assert kinds[0] in (SegmentKind.PUSH, SegmentKind.PRESS) and kinds[-1] == SegmentKind.GRASP
 
 
 def test_a_block_is_turned_upside_down(tmp_path):

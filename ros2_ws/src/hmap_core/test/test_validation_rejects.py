@@ -556,7 +556,8 @@ def test_contact_that_holds_only_at_the_samples(tmp_path):
 
 
 def test_every_kind_is_named_here():
-    files = [__file__.replace("rejects", name) for name in ("rejects", "loads", "blind_spots", "shared")]
+    names = ("rejects", "loads", "blind_spots", "shared", "presses")
+    files = [__file__.replace("rejects", name) for name in names]
     text = "".join(open(file).read() for file in files)
     missing = [kind.name for kind in Kind if f"Kind.{kind.name}" not in text and f'"{kind}"' not in text]
     assert not missing

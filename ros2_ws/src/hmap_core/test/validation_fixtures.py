@@ -216,6 +216,44 @@ def push(urdf: str, to=(0.1, 0.0), friction: float = 0.5, table_end: float = 1.5
     return board.plan(urdf, goal("cube", (*to, SIDE / 2)), "physical")
 
 
+PLATE = (0.12, 0.1, 0.01)  # m
+
+
+def press(
+    urdf: str,
+    to=(0.15, 0.0),
+    force: float = 5.0,
+    ground: float = 0.6,
+    at: tuple[float, float, float] = (0.0, 0.0, PLATE[2] + TIP),
+    rise: float = 0.0,
+    table_end: float = 1.5,
+) -> dict:
+    """A physical plan: closed fingertips press on a plate of 0.2 kg and drag it over the table to a place (x, y).
+
+    Args:
+        urdf: of the gantry.
+        to: (x, y) of the plate at the end.
+        force: N.
+        ground: friction coefficient of the table.
+        at: of the hand where it presses.
+        rise: m that hand and plate rise on the way.
+        table_end: x at which the table ends.
+    """
+    carrier = box("table", (table_end + 1.5, 3.0, 0.1), (table_end / 2 - 0.75, 0.0, -0.05), "fixed", ground)
+    bodies = [carrier, box("plate", PLATE, (0.0, 0.0, PLATE[2] / 2))]
+    board = Storyboard((at[0], at[1], ABOVE), 0.0, bodies)
+    board.move("transit", at, 1.0)
+    middle = (at[0] + to[0] / 2, at[1] + to[1] / 2, at[2] + rise)
+    board.move("press", middle, 1.0, carries=("plate",))
+    board.move("press", (at[0] + to[0], at[1] + to[1], at[2]), 1.0, carries=("plate",))
+    board.move("transit", (at[0] + to[0], at[1] + to[1], ABOVE), 1.0)
+    plan = board.plan(urdf, goal("plate", (*to, PLATE[2] / 2)), "physical")
+    for segment in plan["segments"]:
+        if segment["kind"] == "press":
+            segment["force"] = force
+    return plan
+
+
 TURRET = """<robot name="turret">
   <link name="base"/>
   <link name="paw"><collision>

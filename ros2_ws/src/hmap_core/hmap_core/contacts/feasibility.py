@@ -12,12 +12,13 @@ import math
 import time
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hmap_core.contacts.hand import hand_of
 from hmap_core.contacts.hand_reach import hand_reach
+from hmap_core.contacts.press import press_reach
 from hmap_core.contacts.push import push_reach
 from hmap_core.komo.features import pose_params_all
 from hmap_core.komo.ik import follow_ik, solve_ik_batch
@@ -112,8 +113,8 @@ def promising(
 def reach_bounds(manipulation: Manipulation, contacts: Sequence[ContactPoint], object_poses: np.ndarray) -> np.ndarray:
     """Farthest pose (K,) to which hand and object alone could go and the hand then leave; -1: it cannot even come.
 
-    Nor does it go where the arm is too short to follow. A push ends before it would slip. The path is looked at in at
-    most COARSE_POSES places, so this is a bound and not the reach itself.
+    Nor does it go where the arm is too short to follow. A push or press ends before it would slip. The path is looked
+    at in at most COARSE_POSES places, so this is a bound and not the reach itself.
     """
     stretch = stretches(manipulation, contacts, object_poses[coarse(len(object_poses))])
     return _bounds(manipulation, contacts, object_poses, stretch)
@@ -149,7 +150,14 @@ def _bounds(
         bound[members] = np.where(place >= 0, limit[np.minimum(place, within[members] - 1)], -1)
     scene = manipulation.scene
     hand = hand_of(scene.robots[manipulation.robot])
-    return np.minimum(bound, push_reach(scene.bodies[manipulation.handled], hand, contacts, object_poses))
+    body = scene.bodies[manipulation.handled]
+    bound = np.minimum(bound, push_reach(body, hand, contacts, object_poses))
+    if any(contact.kind == ContactKind.PRESS for contact in contacts):
+        poses = manipulation.state.poses
+        around = [replace(other, pose=poses[name]) for name, other in scene.bodies.items() if name != body.name]
+        model = scene.robots[manipulation.robot].model
+        bound = np.minimum(bound, press_reach(body, model, contacts, object_poses, around))
+    return bound
 
 
 def coarse(M: int) -> np.ndarray:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hmap_core.contacts.press_efforts import press_efforts
 from hmap_core.exceptions import Code, InputError
 from hmap_core.trajectory.samples import index_at
 from hmap_core.types import BodyKind, JointTrajectory, Plan, Segment, SegmentKind, TaskMode
@@ -72,18 +73,25 @@ def stretches(plan: Plan) -> list[Stretch]:
 
 
 def joint_trajectory(plan: Plan, robot: str, stretch: Stretch) -> JointTrajectory:
-    """The motion of a robot in a stretch, for its controller; velocities by central differences, zero at the ends."""
+    """The motion of a robot in a stretch, for its controller; velocities by central differences, zero at the ends.
+
+    A press has the efforts of its force.
+    """
     rows = slice(stretch.first, stretch.last + 1)
     time, q = plan.trajectory.time[rows], plan.trajectory.joints[robot][rows]
     qd = np.gradient(q, time, axis=0)
     qd[0] = qd[-1] = 0.0
-    return JointTrajectory(plan.scene.robots[robot].model.joint_names, time - time[0], q, qd)
+    efforts = None
+    for segment in _active(plan, stretch.first, stretch.last):
+        if segment.robot == robot and segment.force:
+            since, left = time - segment.start, segment.end - time
+            efforts = press_efforts(plan.scene.robots[robot], q, segment.force, since, left)
+    return JointTrajectory(plan.scene.robots[robot].model.joint_names, time - time[0], q, qd, efforts)
 
 
 def _stretch(plan: Plan, first: int, last: int) -> Stretch:
     time = plan.trajectory.time
-    middle = 0.5 * (time[first] + time[last])
-    active = [s for s in plan.segments if s.start <= middle <= s.end]
+    active = _active(plan, first, last)
     held = {s.robot: body for s in active if (body := _held_body(plan, s)) is not None}
     label = ", ".join(f"{s.robot}: {s.kind} {s.object or ''}".rstrip() for s in active)
     touched = tuple(s.contact_object for s in active if s.kind is not SegmentKind.TRANSIT)
@@ -91,6 +99,12 @@ def _stretch(plan: Plan, first: int, last: int) -> Stretch:
     tools = {tool for s in active if (tool := held_tool(plan, s)) is not None}
     apart = ended and tools.issuperset(held.values()) and tools.issuperset(touched)
     return Stretch(first, last, held, label, touched, ended and not held and not touched, apart)
+
+
+def _active(plan: Plan, first: int, last: int) -> list[Segment]:
+    time = plan.trajectory.time
+    middle = 0.5 * (time[first] + time[last])
+    return [segment for segment in plan.segments if segment.start <= middle <= segment.end]
 
 
 def held_tool(plan: Plan, segment: Segment) -> str | None:

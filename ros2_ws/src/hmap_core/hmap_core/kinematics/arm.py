@@ -204,6 +204,13 @@ class Arm:
         linear = np.where(turning, np.cross(axes, p[-1] - p[1:]), axes)
         return np.concatenate([linear.T, np.where(turning, axes, 0.0).T])
 
+    def tip_jacobian(self, q: np.ndarray) -> np.ndarray:
+        """Linear velocity (3, n) of the end-effector's origin per unit of joint velocity, base frame."""
+        R, p = self.frames(q)
+        axes, turning = R[1:, :, 2], (self.prismatic == 0)[:, None]
+        origin = p[-1] + R[-1] @ self.T_tip_ee[:3, 3]
+        return np.where(turning, np.cross(axes, origin - p[1:]), axes).T
+
     def finger_vertices(self, opening: float) -> np.ndarray:
         """Vertices (m, 3) of the finger links at an opening (m), end-effector frame; empty without gripper."""
         return self._in_end_effector([hull.at(opening) for hull in self.hulls if hull.finger])

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from itertools import islice
+from itertools import chain, islice
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from hmap_core.planner.contact_checker import cleared
 from hmap_core.planner.obstruction import LIFT
 from hmap_core.planner.protocols import ContactQuery
 from hmap_core.planner.sampled_contacts import SampledContacts
+from hmap_core.planner.sampled_presses import SampledPresses
 from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.transforms import multiply
 from hmap_core.types import Body, ContactPoint, Robot, Scene, SceneState
@@ -53,7 +54,7 @@ def why_not_moved(scene: Scene, state: SceneState, object: str) -> str:
 
 
 def hand_fits(scene: Scene, state: SceneState, object: str, seed: int = 0) -> bool:
-    """Whether a hand alone, without the arm, can grip an object where it is, or push it to a side with room for it.
+    """Whether a hand alone, without the arm, can grip an object where it is, or push or drag it to where it has room.
 
     Contacts are sampled several times before the answer is no.
     """
@@ -65,7 +66,7 @@ def hand_fits(scene: Scene, state: SceneState, object: str, seed: int = 0) -> bo
             for robot in scene.robots:
                 manipulation, _ = cleared(scene, state, object, robot)
                 query = ContactQuery(scene, state, object, poses, robot, rng)
-                for batch in SampledContacts().propose(query):
+                for batch in chain(SampledContacts().propose(query), SampledPresses().propose(query)):
                     if len(batch.contacts) and (reach_bounds(manipulation, batch.contacts, poses) >= 0).any():
                         return True
     return False

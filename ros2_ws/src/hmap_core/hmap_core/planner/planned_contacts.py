@@ -64,4 +64,5 @@ def contact_of(plan: Plan, kept: PlannedContact) -> ContactPoint:
         normal=-R @ approach,
         opening=float(plan.trajectory.gripper[kept.segment.robot][kept.begin]),
         approach=approach,
+        force=kept.segment.force or 0.0,
     )

@@ -9,6 +9,8 @@ from hmap_core.planner.context import SearchContext
 from hmap_core.planner.diagnosis import hand_fits, why_no_contact, why_not_moved
 from hmap_core.planner.goals import about_vertical
 from hmap_core.planner.obstruction import without
+from hmap_core.planner.protocols import ContactSearchQuery
+from hmap_core.planner.sampled_presses import press_finder
 from hmap_core.planner.tasks import PathTask
 from hmap_core.planner.tilt import SAME_TILT, keeps_tilt, tilt_and_yaw
 from hmap_core.planner.tools import attach_tool, tools_of, with_tool_placed
@@ -43,7 +45,7 @@ def check_goal(context: SearchContext, task: PathTask) -> None:
             return
         except ContactError as error:
             failure = error
-        if _tool_reaches(context, bare, there, goal.object, poses):
+        if _pressed(context, query) or _tool_reaches(context, bare, there, goal.object, poses):
             return
     place = ", ".join(f"{v:.3f}" for v in goal.pose[:3])
     raise ContactError(
@@ -59,7 +61,7 @@ def check_start(context: SearchContext, task: PathTask) -> None:
     By the hands alone, whatever is removable being gone. Scenes with tools are not checked.
 
     Raises:
-        ContactError: NO_CONTACT; no hand fits, for a grasp or for a push on any side.
+        ContactError: NO_CONTACT; no hand fits, for a grasp, for a push on any side, or for a press.
     """
     object, scene = task.subgoal.goal.object, context.scene
     if task.subgoal.depth > 0 or context.record.code != Code.NO_CONTACT or scene.mode == TaskMode.KINEMATIC:
@@ -87,6 +89,15 @@ def _ways_in(context: SearchContext, object: str, last_poses: np.ndarray) -> lis
     for turn in [0.0, *context.rng.uniform(-np.pi, np.pi, TURNS)]:
         ways += final_pushes(context.scene.bodies[object], about_vertical(last_poses[-1], turn), len(last_poses))
     return ways
+
+
+def _pressed(context: SearchContext, query: ContactSearchQuery) -> bool:
+    """Whether a hand could drag the object from above along the poses of a query."""
+    try:
+        press_finder(context.components.checker).find_contacts(query)
+        return True
+    except ContactError:
+        return False
 
 
 def _tool_reaches(context: SearchContext, scene: Scene, state: SceneState, object: str, poses: np.ndarray) -> bool:

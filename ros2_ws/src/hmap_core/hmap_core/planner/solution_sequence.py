@@ -20,6 +20,7 @@ class Subgoal:
         alone: the subgoal fails if another body would have to be removed first.
         whole: one contact has to carry the object all the way.
         attached_path: the path of the object together with a hand, if it was planned for one.
+        pressed: hands press on the object from above; other contacts are not used.
         reason: why, for people.
     """
 
@@ -30,6 +31,7 @@ class Subgoal:
     alone: bool = False
     whole: bool = False
     attached_path: AttachedPath | None = None
+    pressed: bool = False
     reason: str = "to its goal"
 
 

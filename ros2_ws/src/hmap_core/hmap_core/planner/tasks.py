@@ -13,6 +13,7 @@ from hmap_core.planner.contact_filters import (
 )
 from hmap_core.planner.context import SearchContext
 from hmap_core.planner.relaxed import RelaxedSolution
+from hmap_core.planner.sampled_presses import press_finder
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
 from hmap_core.types import ContactPoint
 
@@ -126,6 +127,8 @@ def restricted(context: SearchContext, subgoal: Subgoal) -> SearchContext:
     parts, path = context.components, subgoal.attached_path
     if path is not None:
         context = context.using(contacts=AttachedPathContact(parts.checker, path), tools=NoToolGrasps())
+    if subgoal.pressed:
+        context = context.using(contacts=press_finder(parts.checker), tools=NoToolGrasps())
     if subgoal.whole:
         context = context.using(contacts=covering(context.components.contacts, subgoal.goal.object))
     return context

@@ -1,7 +1,7 @@
 """Rigid bodies of the scene as PyBullet bodies: shapes, mass properties, friction, colour."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ COLORS = {
     BodyKind.TOOL: (0.85, 0.60, 0.20, 1.0),
 }
 ROUND = (ShapeKind.CYLINDER, ShapeKind.SPHERE, ShapeKind.CAPSULE)
+END = 2e-4  # m by which the ends of a cylinder lie behind the boxes that it stands on, and these inside its side
 ROLLING_FRICTION = 1e-4  # m, of bodies with round parts; without it they roll away from rest by rounding errors
 DIAGONAL_TOLERANCE = 1e-9  # share of the largest moment; smaller products of inertia count as zero
 
@@ -170,11 +171,13 @@ def _shape_arrays(client: BulletClient, body: Body, mesh_directory: Path) -> tup
     files = [mesh_directory / f"{body.name}_{i}.obj" for i in range(len(body.shapes))]
     positions = [s.pose[:3].tolist() for s in body.shapes]
     quaternions = [s.pose[3:].tolist() for s in body.shapes]
+    fixed = body.kind is BodyKind.FIXED
+    solid = [(own, file) for s, file in zip(body.shapes, files, strict=True) for own in ([s] if fixed else _on_ends(s))]
     try:
         collision = client.createCollisionShapeArray(
-            **_columns(map(_collision_entry, body.shapes, files)),
-            collisionFramePositions=positions,
-            collisionFrameOrientations=quaternions,
+            **_columns(_collision_entry(shape, file) for shape, file in solid),
+            collisionFramePositions=[s.pose[:3].tolist() for s, _ in solid],
+            collisionFrameOrientations=[s.pose[3:].tolist() for s, _ in solid],
         )
         visual = client.createVisualShapeArray(
             **_columns(map(_visual_entry, body.shapes, files)),
@@ -184,6 +187,19 @@ def _shape_arrays(client: BulletClient, body: Body, mesh_directory: Path) -> tup
     except pybullet.error as error:
         raise InputError(f"body '{body.name}': PyBullet cannot make its shapes: {error}") from error
     return collision, visual
+
+
+def _on_ends(shape: Shape) -> list[Shape]:
+    """A shape as it collides: a cylinder stands on the corners of boxes inside it, which Bullet keeps at rest."""
+    if shape.kind is not ShapeKind.CYLINDER or 2.0 * END > shape.size[1]:
+        return [shape]
+    radius, height = shape.size
+    side = np.sqrt(2.0) * (radius - END)
+    boxes = [
+        Shape(ShapeKind.BOX, (side, side, height), transforms.multiply(shape.pose, transforms.pose((0, 0, 0), turn)))
+        for turn in ((0.0, 0.0, np.sin(angle), np.cos(angle)) for angle in (0.0, np.pi / 8.0))
+    ]
+    return [replace(shape, size=(radius, height - 2.0 * END)), *boxes]
 
 
 def _columns(entries: Iterable[dict]) -> dict[str, list]:

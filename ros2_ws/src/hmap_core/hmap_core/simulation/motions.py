@@ -6,9 +6,25 @@ import numpy as np
 class Follow:
     """Motion along the points of a trajectory, cubic with velocities and straight without; rests after the end."""
 
-    def __init__(self, start: float, times: np.ndarray, positions: np.ndarray, velocities: np.ndarray | None):
-        """From ``start`` (s) on, positions (N, n) in rad and velocities (N, n) in rad/s at ``times`` (N,) after it."""
+    def __init__(
+        self,
+        start: float,
+        times: np.ndarray,
+        positions: np.ndarray,
+        velocities: np.ndarray | None,
+        efforts: np.ndarray | None = None,
+    ):
+        """From ``start`` (s) on, at ``times`` (N,) after it.
+
+        Args:
+            start: s.
+            times: (N,) s.
+            positions: (N, n) rad.
+            velocities: (N, n) rad/s.
+            efforts: (N, n) N m beside those that follow the motion.
+        """
         self._start, self._times, self._q, self._qd = start, times, positions, velocities
+        self._efforts = efforts
         self.end = start + float(times[-1])
 
     def at(self, now: float) -> tuple[np.ndarray, np.ndarray]:
@@ -28,6 +44,13 @@ class Follow:
         q = self._q[k] + h * (s * slope + s * (1 - s) * ((1 - s) * u - s * v))
         return q, slope + (1 - s) * (1 - 3 * s) * u + s * (3 * s - 2) * v
 
+    def efforts_at(self, now: float) -> np.ndarray:
+        """Efforts (n,) in N m at a time (s), beside those that follow the motion; none after the end."""
+        t = now - self._start
+        if self._efforts is None or t >= self._times[-1]:
+            return np.zeros(self._q.shape[1])
+        return np.array([np.interp(t, self._times, column) for column in self._efforts.T])
+
 
 class Stop:
     """Motion straight on to rest, all joints at once, each within its acceleration limit."""
@@ -43,3 +66,7 @@ class Stop:
             return self._q + 0.5 * self._duration * self._qd, np.zeros_like(self._qd)
         t = max(0.0, now - self._start)
         return self._q + (t - 0.5 * t * t / self._duration) * self._qd, (1.0 - t / self._duration) * self._qd
+
+    def efforts_at(self, now: float) -> np.ndarray:
+        """No efforts (n,) beside those that follow the motion."""
+        return np.zeros_like(self._qd)

@@ -170,7 +170,7 @@ class SimulatedControllers:
         for name, arm in self._arms.items():
             robot = self.world.robot(name)
             desired = arm.update(now, *robot.arm_state())
-            robot.set_joint_targets(desired.q, desired.qd)
+            robot.set_joint_targets(desired.q, desired.qd, desired.effort)
             self._tracking_error = max(self._tracking_error, float(np.abs(desired.error).max()))
             command = self._commands.get(arm)
             if command is not None and not command.done:

@@ -12,6 +12,7 @@ from hmap_core.exceptions import InputError
 from hmap_core.kinematics.urdf import load_urdf
 from hmap_core.scenes.robot_rules import simulated_urdf
 from hmap_core.simulation.client import BulletClient
+from hmap_core.simulation.compliance import Compliance
 from hmap_core.simulation.finger_pads import with_pads
 from hmap_core.simulation.settings import RENEWAL, RobotSettings
 from hmap_core.types import Robot
@@ -61,6 +62,7 @@ class SimulatedRobot:
         self._arm_forces = self._forces()
         self._prepare_fingers()
         self._gripper_command: tuple = ()
+        self._compliance = Compliance(client, robot, self.id, self._arm, self.finger_links)
         self._contacts_turn: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)  # of the hand when contacts were last renewed
         self.place(robot.q, gripper.open_opening if gripper else 0.0)
 
@@ -88,8 +90,13 @@ class SimulatedRobot:
         if self._fingers:
             self.set_gripper(opening, self.settings.finger_force)
 
-    def set_joint_targets(self, q: np.ndarray, qd: np.ndarray) -> None:
-        """Positions (n,) and velocities (n,) that the joint motors go for until told otherwise."""
+    def set_joint_targets(self, q: np.ndarray, qd: np.ndarray, effort: np.ndarray | None = None) -> None:
+        """Positions (n,) and velocities (n,) that the joint motors go for until told otherwise.
+
+        With efforts (n,) in N m or N the hand yields until what it presses on pushes back with their force.
+        """
+        offset, rate = self._compliance.step(effort)
+        q, qd = q + offset, qd + rate
         self._client.setJointMotorControlArray(
             self.id,
             self._arm,

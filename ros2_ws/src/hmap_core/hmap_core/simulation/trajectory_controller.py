@@ -30,12 +30,19 @@ class Tolerances:
 
 @dataclass(frozen=True)
 class Tracking:
-    """Desired and actual motion of the controller's joints, (n,) each; errors are desired minus actual."""
+    """Desired and actual motion of the controller's joints, (n,) each; errors are desired minus actual.
+
+    Attributes:
+        q, qd: desired positions and velocities.
+        q_actual, qd_actual: measured ones.
+        effort: desired efforts beside those that follow the motion, N m; None: none.
+    """
 
     q: np.ndarray
     qd: np.ndarray
     q_actual: np.ndarray
     qd_actual: np.ndarray
+    effort: np.ndarray | None = None
 
     @property
     def error(self) -> np.ndarray:
@@ -57,9 +64,9 @@ def from_instant(trajectory: JointTrajectory, start: float, now: float) -> Joint
     if not left.any():
         raise InputError(f"the trajectory ended {now - start - float(trajectory.times[-1]):.3f} s ago")
     velocities = None if trajectory.velocities is None else np.asarray(trajectory.velocities)[left]
-    return replace(
-        trajectory, times=times[left], positions=np.asarray(trajectory.positions)[left], velocities=velocities
-    )
+    efforts = None if trajectory.efforts is None else np.asarray(trajectory.efforts)[left]
+    positions = np.asarray(trajectory.positions)[left]
+    return replace(trajectory, times=times[left], positions=positions, velocities=velocities, efforts=efforts)
 
 
 class TrajectoryController:
@@ -138,7 +145,8 @@ class TrajectoryController:
 
         Times must not decrease. After a violated tolerance the joints are brought to rest from where they are.
         """
-        self.tracking = Tracking(*self._motion.at(now), np.asarray(q, float), np.asarray(qd, float))
+        effort = self._motion.efforts_at(now)
+        self.tracking = Tracking(*self._motion.at(now), np.asarray(q, float), np.asarray(qd, float), effort)
         if self.active:
             self._judge(now)
         return self.tracking
@@ -176,7 +184,7 @@ class TrajectoryController:
         self.outcome, self.reason = outcome, reason
 
     def _checked(self, trajectory: JointTrajectory, now: float, tolerances: Tolerances) -> "Follow":
-        times, positions, velocities = self._ordered(trajectory)
+        times, positions, velocities, efforts = self._ordered(trajectory)
         if (np.diff(times) <= 0.0).any() or times[0] < 0.0:
             k = int(np.argmax(np.diff(times) <= 0.0)) + 1 if times[0] >= 0.0 else 0
             raise InputError(f"trajectory times have to increase from 0 on; point {k} is at {times[k]} s")
@@ -189,6 +197,7 @@ class TrajectoryController:
         if times[0] > 0.0:
             times, positions = np.concatenate([[0.0], times]), np.concatenate([q[None], positions])
             velocities = None if velocities is None else np.concatenate([qd[None], velocities])
+            efforts = None if efforts is None else np.concatenate([np.zeros((1, len(q))), efforts])
         jump = np.abs(positions[0] - q)
         if jump.max() > tolerances.start:
             i = int(np.argmax(jump))
@@ -196,10 +205,12 @@ class TrajectoryController:
                 f"the trajectory starts {jump[i]:.3f} rad from where joint {self.names[i]} is; "
                 f"{tolerances.start} is allowed"
             )
-        return Follow(now, times, positions, velocities)
+        return Follow(now, times, positions, velocities, efforts)
 
-    def _ordered(self, trajectory: JointTrajectory) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Times, positions and velocities as finite arrays, columns in the controller's order."""
+    def _ordered(
+        self, trajectory: JointTrajectory
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, np.ndarray | None]:
+        """Times, positions, velocities and efforts as finite arrays, columns in the controller's order."""
         unknown = sorted(set(trajectory.names) - set(self.names))
         missing = [name for name in self.names if name not in trajectory.names]
         if unknown or missing or len(trajectory.names) != len(self.names):
@@ -214,6 +225,8 @@ class TrajectoryController:
         tables = {"times": times, "positions": trajectory.positions}
         if trajectory.velocities is not None:
             tables["velocities"] = trajectory.velocities
+        if trajectory.efforts is not None:
+            tables["efforts"] = trajectory.efforts
         for name, table in tables.items():
             table = np.asarray(table, float)
             if name != "times" and table.shape != shape:
@@ -222,4 +235,4 @@ class TrajectoryController:
                 k = int(np.argwhere(~np.isfinite(table))[0][0])
                 raise InputError(f"the {name} of the trajectory are not finite at point {k}")
             tables[name] = table if name == "times" else table[:, columns]
-        return tables["times"], tables["positions"], tables.get("velocities")
+        return tables["times"], tables["positions"], tables.get("velocities"), tables.get("efforts")

@@ -99,9 +99,9 @@ class SimulatedWorld:
             raise InputError(f"no robot '{name}' in the world; there are {sorted(self._robots)}", Code.UNKNOWN_ROBOT)
         return self._robots[name]
 
-    def set_joint_targets(self, robot: str, q: np.ndarray, qd: np.ndarray) -> None:
-        """Where the arm's motors go: positions (n,) rad, velocities (n,) rad/s."""
-        self.robot(robot).set_joint_targets(q, qd)
+    def set_joint_targets(self, robot: str, q: np.ndarray, qd: np.ndarray, effort: np.ndarray | None = None) -> None:
+        """Where the arm's motors go: positions (n,) rad, velocities (n,) rad/s, and efforts (n,) N m to press with."""
+        self.robot(robot).set_joint_targets(q, qd, effort)
 
     def set_gripper(self, robot: str, opening: float, force: float) -> None:
         """Where the fingers go: gap between the pads in metres, with at most ``force`` newtons each."""

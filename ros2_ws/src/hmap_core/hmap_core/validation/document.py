@@ -15,7 +15,7 @@ FORMAT = "hmap-plan"
 VERSION = 1
 MODES = ("kinematic", "physical")
 BODY_KINDS = ("fixed", "movable", "tool")
-CONTACT_KINDS = ("touch", "grasp", "push")
+CONTACT_KINDS = ("touch", "grasp", "push", "press")
 SEGMENT_KINDS = ("transit", *CONTACT_KINDS)
 SIZES = {"box": 3, "cylinder": 2, "sphere": 1, "capsule": 2, "mesh": 3}
 SINGLE_SAMPLE_DURATION = 1.0  # s, duration over which a plan with one sample is judged
@@ -124,6 +124,7 @@ class SegmentData:
         object: name of the object; None in transit.
         kind: ``transit`` or a contact kind.
         contact_pose: (7,) of the manipulator in the object frame; None in transit.
+        force: N with which the manipulator of a press presses downwards; 0 for other kinds.
     """
 
     start: float
@@ -135,6 +136,7 @@ class SegmentData:
     object: str | None
     kind: str
     contact_pose: np.ndarray | None
+    force: float = 0.0
 
     @property
     def contact_object(self) -> str:
@@ -344,7 +346,8 @@ def _segment(reader: Reader, robots: dict, bodies: dict, dt: float, N: int) -> S
     if contact and name == manipulator:
         raise invalid_plan(f"{reader.where}: {name!r} is both the manipulator and the object")
     pose = reader.get("contact_pose").poses() if contact else None
-    return SegmentData(start, end, first, last, robot, manipulator, name, kind, pose)
+    force = reader.get("force").number("more than 0 N", lambda value: value > 0.0) if kind == "press" else 0.0
+    return SegmentData(start, end, first, last, robot, manipulator, name, kind, pose, force)
 
 
 def _segments(reader: Reader, robots: dict, bodies: dict, dt: float, N: int) -> tuple[SegmentData, ...]:

@@ -11,6 +11,7 @@ from hmap_core.validation import (
     loads,
     objects,
     physics,
+    presses,
     removals,
     shared,
     switches,
@@ -58,6 +59,7 @@ def check(plan: dict) -> Report:
     support.run()
     physics.check(world, made, findings)
     toppling.check(world, made, findings)
+    presses.check(world, made, findings)
     loads.check(world, made, findings)
     pairs = PairBuilder(world, _may_touch(made, support.pairs))
     for reach in (*CLOSE, NEAR, math.inf) if pairs.many else (NEAR, math.inf):

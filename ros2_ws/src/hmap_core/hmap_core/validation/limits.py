@@ -53,6 +53,7 @@ ROLL_ROOM = 0.02  # m that such an object may move until something stops it
 # --- physics ---
 PUSH_SPEED = 1e-3  # m/s, speed below which a pushed object counts as at rest
 FRICTION_CONE_SLACK = math.radians(5.0)  # angle between the wrench that a push requires and the nearest feasible one
+PRESS_ANGLE = math.radians(10.0)  # largest angle between the normal of a press and the vertical
 OPENING_SLACK = 1e-4  # m, tolerance of the opening range of a gripper during a grasp
 GRAVITY = 9.81  # m/s^2
 LIFTED = 1e-3  # m, rise or fall of an object's lowest point from which on its grasp carries it

@@ -11,7 +11,7 @@ import numpy as np
 from hmap_core.validation import limits, shared
 from hmap_core.validation.contacts import Contact
 from hmap_core.validation.report import Findings, Kind
-from hmap_core.validation.support import SupportFinder, center_of_mass
+from hmap_core.validation.support import SupportFinder, center_of_mass, lowest_points
 from hmap_core.validation.world import World
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -27,7 +27,7 @@ def check(world: World, contacts: list[Contact], findings: Findings) -> None:
     grasps = shared.grasps_of(contacts)
     finder = SupportFinder(world)
     for contact in contacts:
-        if contact.kind == "push":
+        if contact.kind in ("push", "press"):
             _check_pushed(contact, findings)
     for contact in grasps:
         lifted = _lifted(contact, finder)
@@ -48,18 +48,8 @@ def _lifted(contact: Contact, finder: SupportFinder) -> np.ndarray:
     first, window = contact.segment.first, contact.window
     if contact.tool_grasp or not finder.at(contact.object, first).bodies:
         return np.ones(window.stop - window.start, bool)
-    lowest = _lowest(contact.world, contact.object, window)
+    lowest = lowest_points(contact.world, contact.object, window)
     return np.abs(lowest - lowest[0]) > limits.LIFTED
-
-
-def _lowest(world: World, name: str, window: slice) -> np.ndarray:
-    """Height (n,) of an object's lowest point at some samples, m."""
-    parts = world.parts_of(name)
-    points = np.concatenate([part.solid.points @ part.R.T + part.p for part in parts])
-    balls = np.repeat([part.solid.ball for part in parts], [len(part.solid.points) for part in parts])
-    R, p = (values[window] for values in world.state.bodies[name])
-    lowest = [(points @ row - balls).min() for row in R[:, 2]]
-    return np.array(lowest) + p[:, 2]
 
 
 def _check_held(contact: Contact, lifted: np.ndarray, share: np.ndarray, findings: Findings) -> None:

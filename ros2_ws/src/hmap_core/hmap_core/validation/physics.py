@@ -88,8 +88,12 @@ def _barycentric() -> np.ndarray:
 
 def _characteristic_length(contact: Contact) -> float:
     """Mean distance in metres of the object's footprint from its centre of mass, in the horizontal plane."""
+    return footprint_length(contact, center_of_mass(contact.world, contact.object, contact.segment.first)[:2])
+
+
+def footprint_length(contact: Contact, center: np.ndarray) -> float:
+    """Mean distance in metres of the object's footprint from a point (2,), at the start of a contact, world frame."""
     world, k = contact.world, contact.segment.first
-    center = center_of_mass(world, contact.object, k)[:2]
     tracks = [world.tracks[part] for part in world.parts_of(contact.object)]
     faces = _footprint([polytope_points(t.part.solid, t.R[k], t.p[k]) for t in tracks])
     triangles = np.concatenate([face[Delaunay(face).simplices] for face in faces]) - center
@@ -116,7 +120,7 @@ def _footprint(parts: list[np.ndarray]) -> list[np.ndarray]:
     return faces or [np.vstack(parts)[:, :2]]
 
 
-def _motions(contact: Contact, length: float) -> tuple[np.ndarray, np.ndarray]:
+def motions(contact: Contact, length: float) -> tuple[np.ndarray, np.ndarray]:
     """Planar velocities of the centre of mass in the steps in which the object moves.
 
     The axes are those of the world at the start of the contact, rotated with the object since then.
@@ -156,8 +160,8 @@ def _cone_angle(wrenches: np.ndarray, motion: np.ndarray) -> float:
 def _check_push(contact: Contact, findings: Findings) -> None:
     length = _characteristic_length(contact)
     wrenches = _wrenches(contact, length)
-    motions, samples = _motions(contact, length)
-    for motion, k in zip(motions, samples, strict=True):
+    moves, samples = motions(contact, length)
+    for motion, k in zip(moves, samples, strict=True):
         angle, limit = np.degrees(_cone_angle(wrenches, motion)), np.degrees(limits.FRICTION_CONE_SLACK)
         findings.check(Kind.FRICTION_CONE, contact.bodies, contact.world.document.time[k], angle, limit)
 
@@ -183,5 +187,5 @@ def check(world: World, contacts: list[Contact], findings: Findings) -> None:
             findings.add(Kind.NOT_PHYSICAL, contact.bodies, contact.segment.start, 1.0, 0.0, 1.0)
         elif contact.kind == "grasp":
             _check_grasp(contact, findings)
-        else:
+        elif contact.kind == "push":
             _check_push(contact, findings)

@@ -29,6 +29,9 @@ class Kind(StrEnum):
     GRASP_WIDTH = "grasp_width"
     FRICTION_CONE = "friction_cone"
     GRIP_FORCE = "grip_force"
+    PRESS_DIRECTION = "press_direction"
+    PRESS_FRICTION = "press_friction"
+    PRESS_LIFTED = "press_lifted"
     PAYLOAD = "payload"
     GOAL_MISSED = "goal_missed"
 

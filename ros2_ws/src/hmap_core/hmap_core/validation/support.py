@@ -121,7 +121,7 @@ def _center(rows: np.ndarray) -> np.ndarray | None:
     return lp.x[:3] if lp.success and lp.x[3] >= MIN_RADIUS else None
 
 
-def _inside(points: np.ndarray, center: np.ndarray) -> float:
+def inside(points: np.ndarray, center: np.ndarray) -> float:
     """Distance of a point (2,) from the edge of the hull of points (n, 2), m; negative outside."""
     try:
         equations = ConvexHull(points).equations
@@ -137,6 +137,16 @@ def center_of_mass(world: World, name: str, k: int) -> np.ndarray:
     tracks = [world.tracks[part] for part in parts]
     centers = np.array([t.R[k] @ t.part.solid.centroid + t.p[k] for t in tracks])
     return volumes @ centers / volumes.sum()
+
+
+def lowest_points(world: World, name: str, window: slice) -> np.ndarray:
+    """Height (n,) of an object's lowest point at some samples, m."""
+    parts = world.parts_of(name)
+    points = np.concatenate([part.solid.points @ part.R.T + part.p for part in parts])
+    balls = np.repeat([part.solid.ball for part in parts], [len(part.solid.points) for part in parts])
+    R, p = (values[window] for values in world.state.bodies[name])
+    lowest = [(points @ row - balls).min() for row in R[:, 2]]
+    return np.array(lowest) + p[:, 2]
 
 
 class SupportFinder:
@@ -160,8 +170,8 @@ class SupportFinder:
                 rolls |= self._round(part, k)
         center = center_of_mass(self._world, name, k)
         region = np.vstack(patches) if patches else None
-        inside = _inside(region, center[:2]) if region is not None else -np.inf
-        support = Support(frozenset(carriers), gap, inside, region=region)
+        depth = inside(region, center[:2]) if region is not None else -np.inf
+        support = Support(frozenset(carriers), gap, depth, region=region)
         if gap <= limits.SUPPORT_GAP and (not support.stable or (released and rolls)):
             near = self._nearest_pairs(name, k, NEARBY)
             beside = [other for part, other in near if self._cached_contact(part, other, k)[0] <= NEARBY]
@@ -235,7 +245,7 @@ def _report(support: Support, name: str, time: float, findings: Findings) -> Non
 
 
 def travelled(world: World, contact: Contact) -> list[int]:
-    """Samples of a push at which the support is checked: every ``SUPPORT_CHECK_STEP`` of travel, and the end."""
+    """Samples of a push or press at which the support is checked: every ``SUPPORT_CHECK_STEP``, and the end."""
     poses = world.poses[contact.object][contact.window]
     travel = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1))])
     marks = np.arange(0.0, travel[-1], limits.SUPPORT_CHECK_STEP)
@@ -257,13 +267,13 @@ class SupportCheck:
         self.pairs: set[frozenset[str]] = set()
 
     def run(self) -> None:
-        """Checks every object while no contact moves it; in physical mode also during pushes."""
+        """Checks every object while no contact moves it; in physical mode also during pushes and presses."""
         names = [name for name, body in self._world.document.bodies.items() if not body.fixed]
         for name in names:
             self._check_free(name)
         if self._world.document.mode == "physical":
             for contact in self._contacts:
-                if contact.kind == "push":
+                if contact.kind in ("push", "press"):
                     self._check_pushed(contact)
 
     def _find(self, name: str, k: int, released: bool = False) -> Support:

@@ -14,7 +14,8 @@ from hmap_core.transforms import apply, multiply_all, pose
 from hmap_core.types import Gripper, Scene, Shape, TaskMode
 
 GRASP_SPEED = 0.5  # m/s of what is grasped
-PUSH_SPEED = 0.2  # m/s of what is pushed: contacts of pushes are quasi-static
+PUSH_SPEED = 0.2  # m/s of what is pushed or pressed: these contacts are quasi-static
+PRESS_ACCELERATION = 0.3  # m/s^2 of what is dragged from above: half of what the reserve of its force allows for
 GRIP_SHARE = 0.7  # of the friction of the pads that weight and acceleration use together
 SUPPORT_SHARE = 0.5  # of the deceleration by friction with which a pushed body keeps its contact
 LARGEST = 2.0  # m/s^2 of any body
@@ -66,6 +67,12 @@ def pushed(scene: Scene, robot: str, body: str, T_ee_body: np.ndarray) -> PointL
     if scene.mode == TaskMode.PHYSICAL:
         acceleration = min(LARGEST, SUPPORT_SHARE * max(pushed.friction, 1e-3) * GRAVITY)
     return _limits(scene, robot, centre, PUSH_SPEED, acceleration)
+
+
+def pressed(scene: Scene, robot: str, body: str, T_ee_body: np.ndarray) -> PointLimits:
+    """Limits of the centre of mass of a body that a robot drags by pressing on it."""
+    centre = apply(T_ee_body, centre_of_mass(convex_set(scene.bodies[body].shapes)))
+    return _limits(scene, robot, centre, PUSH_SPEED, PRESS_ACCELERATION)
 
 
 def attached(scene: Scene, robot: str) -> PointLimits | None:

@@ -25,10 +25,10 @@ from hmap_core.komo.skeleton import Skeleton
 from hmap_core.komo.skeleton_problem import SkeletonProblem
 from hmap_core.planner.interfaces import RobotContact, SubTrajectory
 from hmap_core.planner.segments.attached import end_effector_poses, with_attached
-from hmap_core.planner.segments.carried import grasped, pushed
+from hmap_core.planner.segments.carried import grasped, pressed, pushed
 from hmap_core.planner.segments.object_steps import thinned
 from hmap_core.planner.segments.parts import part
-from hmap_core.planner.segments.timing import ramp, timed_contact, timed_transit
+from hmap_core.planner.segments.timing import PRESS_SAMPLES, ramp, timed_contact, timed_transit
 from hmap_core.planner.segments.transits import path_options, straight, transit_steps
 from hmap_core.planner.segments.verification import Masks, executed_spline, find_violations, worst_between_steps
 from hmap_core.planner.segments.violation import Part, PathResult, Violation
@@ -254,15 +254,21 @@ class ContactSegment:
         """The object hangs on the hand as they meet at the start, which is the contact within what KOMO leaves open."""
         T_obj_ee = multiply(inverse(self.T_start), end_effector_poses(self.scene, self.robot, path[:1])[0])
         q = timed_contact(self.scene, self.robot, path, self._limits(inverse(T_obj_ee)))
+        force = None
+        if self.contact.kind == ContactKind.PRESS:
+            force = self.contact.force
+            q = np.concatenate([np.repeat(q[:1], PRESS_SAMPLES, 0), q, np.repeat(q[-1:], PRESS_SAMPLES, 0)])
         T_ee = end_effector_poses(self.scene, self.robot, q)
         moved = {self.object: consistent(multiply_all(T_ee, inverse(T_obj_ee)))}
         opening, kind = np.full(len(q), self._openings()[1]), SegmentKind(self.contact.kind.value)
-        return part(self.scene, self.robot, q, opening, kind, self.object, T_obj_ee, moved)
+        return part(self.scene, self.robot, q, opening, kind, self.object, T_obj_ee, moved, force)
 
     def _limits(self, T_ee_obj: np.ndarray) -> PointLimits:
         """Of the object that the robot has at T_ee_obj (7,)."""
         if self.contact.kind == ContactKind.PUSH:
             return pushed(self.scene, self.robot, self.object, T_ee_obj)
+        if self.contact.kind == ContactKind.PRESS:
+            return pressed(self.scene, self.robot, self.object, T_ee_obj)
         body, opening = self.scene.bodies[self.object], self.contact.opening
         return grasped(self.scene, self.robot, body.shapes, body.mass, body.friction, T_ee_obj, opening)
 

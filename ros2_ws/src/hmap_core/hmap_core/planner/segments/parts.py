@@ -21,6 +21,7 @@ def part(
     object: str | None = None,
     contact_pose: np.ndarray | None = None,
     moved: Mapping[str, np.ndarray] = MappingProxyType({}),
+    force: float | None = None,
 ) -> SubTrajectory:
     """A sub-trajectory of one robot in one mode, sampled every SAMPLE_PERIOD.
 
@@ -28,10 +29,11 @@ def part(
         q: (N, n) its configurations; opening: (N,) of its gripper, m.
         kind, object, contact_pose: the contact; the pose (7,) is that of the end-effector in the object's frame.
         moved: poses (N, 7) of the bodies that move along.
+        force: N with which a press presses.
     """
     time = np.arange(len(q)) * SAMPLE_PERIOD
     link = scene.robots[robot].model.end_effector_link
-    segment = Segment(0.0, float(time[-1]), robot, link, object, kind, contact_pose)
+    segment = Segment(0.0, float(time[-1]), robot, link, object, kind, contact_pose, force)
     return SubTrajectory(Trajectory(time, {robot: q}, {robot: opening}, dict(moved)), (segment,))
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hmap_core.contacts.press_efforts import PRESS_TIME
 from hmap_core.planner.segments.carried import attached
 from hmap_core.trajectory.timing import PointLimits, time_parameterise
 from hmap_core.types import Gripper, Scene
@@ -12,6 +13,7 @@ SAMPLE_PERIOD = 0.02  # s between two samples of a plan
 FREE_SPEED, FREE_ACCELERATION = 0.9, 0.5
 HOLD_SPEED, HOLD_ACCELERATION = 0.5, 0.25
 SETTLE = 0.3  # s that the fingers get to settle after they have closed or opened
+PRESS_SAMPLES = round(PRESS_TIME / SAMPLE_PERIOD)  # of a plan, in which a hand stands to press or to let go
 SAME_OPENING = 1e-9  # m
 
 
