@@ -7,7 +7,16 @@ from numba import njit
 
 from hmap_core.contacts import scoring
 from hmap_core.contacts.camera import Cloud
-from hmap_core.contacts.candidates import Candidates, Hand, HandPoses, Situation, clear_of_palm, frames, tangents
+from hmap_core.contacts.candidates import (
+    SHALLOWEST,
+    Candidates,
+    Hand,
+    HandPoses,
+    Situation,
+    clear_of_palm,
+    frames,
+    tangents,
+)
 from hmap_core.contacts.solids import Solids, outward_normal, way_out
 from hmap_core.transforms import rotation_matrix
 from hmap_core.types import ContactKind
@@ -18,6 +27,10 @@ WIDTH_CLEARANCE = 5e-4
 APPROACHES = 12
 # grasp depth beyond which the score does not increase, m
 DEEP = 0.01
+# fingertips stay this much above what the object stands on, m; a little more than robots keep from what stands around
+OFF_FLOOR = 0.0035
+# cosine between approach and vertical for which drawing back lifts the fingertips
+LEAST_DOWN = 0.5
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -68,6 +81,25 @@ def fits_between(width: np.ndarray, hand: Hand) -> np.ndarray:
     return (width >= max(gripper.min_opening, 2 * WIDTH_CLEARANCE)) & (width <= gripper.max_opening - WIDTH_CLEARANCE)
 
 
+def _off_floor(
+    z: np.ndarray, y: np.ndarray, middle: np.ndarray, hand: Hand, T_world_obj: np.ndarray, floor: float
+) -> np.ndarray:
+    """Distance (N,) in m that grasps draw back so that the fingertips stay off the floor; 0 where that is too far.
+
+    Args:
+        z, y: (N, 3) directions of approach and closing, object frame.
+        middle: (N, 3) middle between the pads, object frame, m.
+        hand: its fingers.
+        T_world_obj: (7,) the object's pose.
+        floor: its height, m.
+    """
+    gripper, R = hand.require_gripper(), rotation_matrix(T_world_obj)
+    down, across = -(z @ R[2]), np.abs(np.cross(y, z) @ R[2])
+    tip = middle @ R[2] + T_world_obj[2] - gripper.tip_offset * down - gripper.pad_half_width * across
+    needed = np.maximum(floor + OFF_FLOOR - tip, 0.0) / np.maximum(down, LEAST_DOWN)
+    return np.where((down >= LEAST_DOWN) & (needed <= SHALLOWEST * gripper.tip_offset), needed, 0.0)
+
+
 # surface points, the object's shapes, hand, friction -> whether a face lies opposite (N,), width (N,) in m
 Opposite = Callable[[Cloud, Solids, Hand, float], tuple[np.ndarray, np.ndarray]]
 
@@ -82,11 +114,12 @@ def grasps(
     allowed: Callable[[np.ndarray], np.ndarray],
     situation: Situation,
     opposite: Opposite = antipodal,
+    floor: float = -np.inf,
 ) -> Candidates:
     """Grasps at points with an opposite face, from APPROACHES directions and with both orientations of the hand.
 
     The closing axis is the normal. The frame's origin is midway between the faces; the grasp is less deep if the object
-    would touch the palm.
+    would touch the palm, or the fingertips what the object stands on.
 
     Args:
         cloud: surface points, object frame.
@@ -98,6 +131,7 @@ def grasps(
         allowed: maps points (N, 3) to whether contacts can lie there (N,).
         situation: the object's pose and motion, and the robot's position.
         opposite: finds the points with an opposite face, and the widths there.
+        floor: height of what the object stands on, world frame, m.
     """
     good, width = opposite(cloud, own, hand, friction)
     good &= allowed(cloud.points - width[:, None] * cloud.normals)
@@ -113,6 +147,7 @@ def grasps(
     middle = points - 0.5 * width[:, None] * normals
     above = depth_below(middle, np.ascontiguousarray(-z), *own.arrays)
     shallower, keep = clear_of_palm(above, hand)
+    shallower = np.maximum(shallower, _off_floor(z, y, middle, hand, situation.T_world_obj, floor))
     origin = middle - z * shallower[:, None]
     score = (
         scoring.W_CENTRAL * scoring.central(middle, centre, radius)

@@ -82,6 +82,8 @@ def _closing(
 def pad_balance(body: Body, contacts: Sequence[ContactPoint], gripper: Gripper) -> np.ndarray:
     """How evenly each grasp's pads cover the object on both sides of the pads' middle.
 
+    Where the object ends below that, as a low one between the fingertips does, the point of the contact counts.
+
     Args:
         body: the object.
         contacts: K contacts as sampled, before :func:`hmap_core.contacts.hand.align_pads`: the frames of grasps are in
@@ -100,12 +102,17 @@ def pad_balance(body: Body, contacts: Sequence[ContactPoint], gripper: Gripper) 
     across = np.array([rotation_matrix(c.T_obj_ee)[:, 0] for c in grasps])
     normals = np.array([c.normal for c in grasps])
     middle = np.array([c.T_obj_ee[:3] for c in grasps])
-    depth = np.einsum("ni,ni->n", np.array([c.point for c in grasps]) - middle, normals)
-    points = middle + depth[:, None] * normals
-    solid = solids([(shape, IDENTITY) for shape in body.shapes])
-    sides = [
-        on_face(points, normals, sign * gripper.pad_half_width * across, _STEPS, *solid.arrays) for sign in (-1.0, 1.0)
-    ]
-    wide = np.maximum(*sides)
-    even[own] = np.where(wide > 0.0, np.minimum(*sides) / np.where(wide > 0.0, wide, 1.0), 0.0)
+    touched = np.array([c.point for c in grasps])
+    depth = np.einsum("ni,ni->n", touched - middle, normals)
+    widths = _covered(body, middle + depth[:, None] * normals, normals, gripper.pad_half_width * across)
+    beyond = widths.max(axis=0) == 0.0
+    widths[:, beyond] = _covered(body, touched, normals, gripper.pad_half_width * across)[:, beyond]
+    wide = widths.max(axis=0)
+    even[own] = np.where(wide > 0.0, widths.min(axis=0) / np.where(wide > 0.0, wide, 1.0), 0.0)
     return even
+
+
+def _covered(body: Body, points: np.ndarray, normals: np.ndarray, sides: np.ndarray) -> np.ndarray:
+    """Shares (2, N) of the way from points to points - sides, and to points + sides, with material behind."""
+    solid = solids([(shape, IDENTITY) for shape in body.shapes])
+    return np.array([on_face(points, normals, sign * sides, _STEPS, *solid.arrays) for sign in (-1.0, 1.0)])

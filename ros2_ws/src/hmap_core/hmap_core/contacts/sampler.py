@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numba import njit
 
-from hmap_core.collision.convex import convex_set
+from hmap_core.collision.convex import ConvexSet, convex_set
 from hmap_core.contacts import scoring
 from hmap_core.contacts.camera import Cloud
 from hmap_core.contacts.candidates import Candidates, Hand, Situation
@@ -15,7 +15,7 @@ from hmap_core.contacts.solids import Solids, interval, outward_normal, solids
 from hmap_core.contacts.spanning import antipodal_outside
 from hmap_core.contacts.touch import touches
 from hmap_core.stability.mass import centre_of_mass
-from hmap_core.transforms import IDENTITY
+from hmap_core.transforms import IDENTITY, rotation_matrix
 from hmap_core.types import Body, ContactPoint, TaskMode
 
 # contacts handed out at a time
@@ -94,8 +94,15 @@ def candidates(
             return in_regions(points, body.graspable)
 
         opposite = antipodal_outside if spanning else antipodal
-        sets.append(grasps(cloud, own, centre, radius, hand, body.friction, allowed, situation, opposite))
+        floor = _lowest(shapes, situation.T_world_obj)
+        sets.append(grasps(cloud, own, centre, radius, hand, body.friction, allowed, situation, opposite, floor))
     return [s for s in sets if s is not None and len(s)]
+
+
+def _lowest(shapes: ConvexSet, T_world_obj: np.ndarray) -> float:
+    """Height of the lowest point of an object at T_world_obj (7,), m."""
+    heights = shapes.vertices @ rotation_matrix(T_world_obj)[2]
+    return float(T_world_obj[2] + (np.minimum.reduceat(heights, shapes.start[:-1]) - shapes.radius).min())
 
 
 def sample_contacts(

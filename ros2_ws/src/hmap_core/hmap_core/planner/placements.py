@@ -12,8 +12,9 @@ from hmap_core.komo.shapes import body_set
 from hmap_core.komo.surroundings import robot_set
 from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.planner.sweep import Sweep, joined, nearest, placed
+from hmap_core.stability.stacks import stack_tips
 from hmap_core.transforms import IDENTITY, apply, from_rpy, multiply, rotation_matrix
-from hmap_core.types import BodyKind, Scene, SceneState
+from hmap_core.types import BodyKind, Scene, SceneState, TaskMode
 from hmap_core.waypoints import stable_poses
 from hmap_core.waypoints.support import FACE_TOLERANCE, feet
 
@@ -126,11 +127,16 @@ class PlaceSearch:
         ranked = sorted((c for face in faces for c in self._on(face, yaw)), key=lambda c: c[0])
         chosen: list[np.ndarray] = []
         for _, T in ranked:
-            if all(np.linalg.norm(T[:3] - other[:3]) >= APART for other in chosen):
+            if all(np.linalg.norm(T[:3] - other[:3]) >= APART for other in chosen) and not self._tips(T):
                 chosen.append(T)
             if len(chosen) == PER_GROUP:
                 break
         return chosen
+
+    def _tips(self, T: np.ndarray) -> bool:
+        """Whether the body would make a stack tip at a pose T (7,)."""
+        bodies = {body.name: body for body in self.standing_bodies} | {self.name: self.scene.bodies[self.name]}
+        return self.scene.mode == TaskMode.PHYSICAL and bool(stack_tips(bodies, self.name, T))
 
     def _on(self, face: Face, yaw: float) -> list[tuple[float, np.ndarray]]:
         """(cost in metres, pose) of all free places on a face."""

@@ -1,5 +1,7 @@
 """Preconditions of planning: checked before any search, so that errors are reported at once and name the body."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from hmap_core.collision.convex import ConvexSet, set_distance
@@ -14,6 +16,8 @@ from hmap_core.planner.loads import changes_height, no_robot_moves, tilts
 from hmap_core.planner.obstruction import carried_by, stacked_on
 from hmap_core.planner.segments import standing_collision
 from hmap_core.planner.tools import extent
+from hmap_core.stability.stacks import MARGIN as STACK_MARGIN
+from hmap_core.stability.stacks import stack_tips
 from hmap_core.transforms import IDENTITY, apply, distance
 from hmap_core.types import BodyKind, Goal, Scene, SceneState, TaskMode
 from hmap_core.waypoints.checker import PENETRATION_ALLOWED
@@ -80,13 +84,28 @@ def check_goal_support(scene: Scene, state: SceneState, goal: Goal) -> None:
     """Checks that the object of a physical task has a support at its goal.
 
     Raises:
-        InputError: INVALID_POSE; it has none, within the goal's tolerance neither.
+        InputError: INVALID_POSE; it has none, within the goal's tolerance neither, or what carries it would tip.
     """
     if scene.mode == TaskMode.PHYSICAL:
         there, _ = attainable_goal(scene, state, goal)
         near = _distances(scene, state, _robot_sets(scene, state), goal.object, there.pose)
         what = f"'{goal.object}' would have no support at its goal (goal.pose)"
         _check_hanging(near, what, TOUCHING, Code.INVALID_POSE)
+        _check_stack(scene, state, Goal(goal.object, there.pose))
+
+
+def _check_stack(scene: Scene, state: SceneState, goal: Goal) -> None:
+    """Raises InputError INVALID_POSE where an object would make a stack tip, with its removable bodies or without."""
+    bodies = {name: replace(body, pose=state.poses[name]) for name, body in scene.bodies.items()}
+    left = {name: body for name, body in bodies.items() if name == goal.object or name not in scene.removable}
+    tips = stack_tips(left, goal.object, goal.pose)
+    if tips and stack_tips(bodies, goal.object, goal.pose):
+        names = " and ".join(f"'{name}'" for name in tips[1:])
+        raise InputError(
+            f"'{goal.object}' at its goal (goal.pose) would make what it stands on tip: {names}; forces do not balance "
+            f"with {1e3 * STACK_MARGIN:g} mm to spare. Move the goal towards the middle of its support",
+            Code.INVALID_POSE,
+        )
 
 
 def _robot_sets(scene: Scene, state: SceneState) -> dict[str, ConvexSet]:

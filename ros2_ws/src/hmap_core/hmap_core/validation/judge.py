@@ -14,6 +14,7 @@ from hmap_core.validation import (
     presses,
     removals,
     shared,
+    stacks,
     switches,
     toppling,
 )
@@ -57,6 +58,7 @@ def check(plan: dict) -> Report:
     shared.check(world, made, findings)
     support = SupportCheck(world, made, findings)
     support.run()
+    stacks.check(world, made, support, findings)
     physics.check(world, made, findings)
     toppling.check(world, made, findings)
     presses.check(world, made, findings)

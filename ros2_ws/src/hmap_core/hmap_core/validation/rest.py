@@ -81,24 +81,35 @@ def _wrenches(
     """
     columns, lifts, deepest = [], [], np.inf
     for a, b in product(own, others):
-        A, B = world.tracks[a], world.tracks[b]
-        Ta = transform(A.R[k], A.p[k] + offset)
-        distance, _, point, toward = Gauge(a.solid, b.solid).witness(Ta, B.at(k))
+        distance, points, normal = touch(world, a, b, k, offset)
         deepest = min(deepest, distance)
-        if distance > limits.SUPPORT_GAP:
-            continue
-        points = _touching(
-            _feature(a.solid, A.R[k], A.p[k] + offset, toward), _feature(b.solid, B.R[k], B.p[k], -toward), toward
-        )
-        points = points if len(points) else point[None]
-        friction = limits.REST_FRICTION * _friction(world, a.holder, b.holder)
-        for p, force in product(points - center - offset, _cone(-toward, friction)):
+        friction = limits.REST_FRICTION * friction_of(world, a.holder, b.holder)
+        for p, force in product(points - center - offset, cone(normal, friction)):
             columns.append(np.r_[force, np.cross(p, force)])
-            lifts.append(-toward[2])
+            lifts.append(normal[2])
     return np.array(columns).T if columns else np.zeros((6, 0)), np.array(lifts), deepest
 
 
-def _friction(world: World, *names: str) -> float:
+def touch(
+    world: World, a: Part, b: Part, k: int, offset: np.ndarray | float = 0.0
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Where a part touches another one at sample k, moved by an ``offset`` (3,) in m.
+
+    Returns:
+        Their distance in m, the corners (n, 3) of the patch, world frame, and the unit normal (3,) into the first part.
+        No corners where they are farther apart than ``limits.SUPPORT_GAP``.
+    """
+    A, B = world.tracks[a], world.tracks[b]
+    place = A.p[k] + offset
+    distance, _, point, toward = Gauge(a.solid, b.solid).witness(transform(A.R[k], place), B.at(k))
+    if distance > limits.SUPPORT_GAP:
+        return distance, np.zeros((0, 3)), -toward
+    points = _touching(_feature(a.solid, A.R[k], place, toward), _feature(b.solid, B.R[k], B.p[k], -toward), toward)
+    return distance, points if len(points) else point[None], -toward
+
+
+def friction_of(world: World, *names: str) -> float:
+    """The lowest friction coefficient of some bodies."""
     return min(world.document.bodies[name].friction for name in names)
 
 
@@ -150,7 +161,8 @@ def _crossing(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> lis
     return [a + s * (b - a)] if 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0 else []
 
 
-def _cone(normal: np.ndarray, friction: float) -> np.ndarray:
+def cone(normal: np.ndarray, friction: float) -> np.ndarray:
+    """Edges (CONE_EDGES, 3) of a pyramid in the friction cone about a unit normal (3,)."""
     first, second = np.linalg.svd(normal[None])[2][1:]
     angles = 2.0 * np.pi * np.arange(CONE_EDGES) / CONE_EDGES
     return normal + friction * (np.outer(np.cos(angles), first) + np.outer(np.sin(angles), second))

@@ -225,7 +225,8 @@ class SupportFinder:
         return distance, overlap(lowered, polytope_points(other.solid, b.R[k], b.p[k]))
 
 
-def _moved(world: World, name: str, k: int) -> bool:
+def moved(world: World, name: str, k: int) -> bool:
+    """Whether a body is elsewhere at sample k than at the start of the plan."""
     distance, angle = deviation(world.poses[name][k : k + 1], world.document.bodies[name].pose)
     return bool(distance[0] > limits.UNTOUCHED_POSITION or angle[0] > limits.UNTOUCHED_ROTATION)
 
@@ -257,13 +258,14 @@ class SupportCheck:
 
     Attributes:
         pairs: an object and a body that supports it at some time, for each such pair.
+        finder: finds the supports.
     """
 
     def __init__(self, world: World, contacts: list[Contact], findings: Findings):
         self._world = world
         self._contacts = contacts
         self._findings = findings
-        self._finder = SupportFinder(world)
+        self.finder = SupportFinder(world)
         self.pairs: set[frozenset[str]] = set()
 
     def run(self) -> None:
@@ -277,7 +279,7 @@ class SupportCheck:
                     self._check_pushed(contact)
 
     def _find(self, name: str, k: int, released: bool = False) -> Support:
-        support = self._finder.at(name, k, released)
+        support = self.finder.at(name, k, released)
         self.pairs |= {frozenset((name, body)) for body in support.bodies}
         return support
 
@@ -290,9 +292,9 @@ class SupportCheck:
                 free[contact.segment.first : contact.segment.last] = False
         for first, last in runs(free):
             for k in self._changes(first, last):
-                moved = _moved(self._world, name, k)
-                if stable_before or moved:
-                    support = self._find(name, k, moved and self._world.document.mode == "physical")
+                elsewhere = moved(self._world, name, k)
+                if stable_before or elsewhere:
+                    support = self._find(name, k, elsewhere and self._world.document.mode == "physical")
                     _report(support, name, self._world.document.time[k], self._findings)
 
     def _changes(self, first: int, last: int) -> list[int]:
