@@ -42,6 +42,7 @@ class Failure:
         stage, code, reason: as in :class:`hmap_core.exceptions.HmapError`.
         error: the error that says so, where there is one.
         ends_round: no other strategy can help as long as the object's path is the same.
+        reached: what was done until then, if it has brought the object on.
     """
 
     stage: str
@@ -49,6 +50,7 @@ class Failure:
     reason: str
     error: HmapError | None = None
     ends_round: bool = False
+    reached: SolutionSequence | None = None
 
     @staticmethod
     def of(error: HmapError, ends_round: bool = False) -> "Failure":

@@ -6,6 +6,7 @@ the next waypoint is where it ends.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -125,7 +126,7 @@ class Search:
             with self.context.record.tree.attempt(f"waypoint {len(waypoints) + 1}: pose {at} of {len(poses) - 1}"):
                 outcome = self.run(WAYPOINT_STRATEGIES, task)
             if isinstance(outcome, Failure):
-                return outcome
+                return replace(outcome, reached=sequence if at else None)
             sequence, known = outcome.sequence, outcome.known
             if outcome.reach:
                 at += outcome.reach

@@ -45,6 +45,7 @@ class PathTask:
         needs_two: whether no robot can move the object alone, by its weight, and two might carry it.
         poses: (M, 7) the last path that was planned for the object alone.
         ready: the sequence once obstacles were removed from that path; None: they could not be, or there is no path.
+        reached: what was done on the last path that could not be followed to its end.
         hands: contacts that serve at the start and at the goal, as far as they were found.
     """
 
@@ -55,6 +56,7 @@ class PathTask:
     needs_two: bool = False
     poses: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
     ready: SolutionSequence | None = None
+    reached: SolutionSequence | None = None
     hands: list[EndGrasp] = field(default_factory=list)
 
     @property

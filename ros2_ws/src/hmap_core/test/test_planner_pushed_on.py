@@ -1,0 +1,94 @@
+"""Pushes that go on from where the object was brought, instead of from the start."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulation_fixtures import box, scene
+
+from hmap_core.exceptions import Code
+from hmap_core.planner import HmapPlanner, PlanningJob
+from hmap_core.planner.outcome import Failure, Solution
+from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
+from hmap_core.planner.strategies.pushed_on import PushedOn
+from hmap_core.planner.tasks import PathTask
+from hmap_core.transforms import pose
+from hmap_core.types import Goal
+
+WIDE = 0.09  # m, wider than a Panda's gripper opens
+START, HALF_WAY, GOAL = ((x, 0.2 - x / 2, WIDE / 2) for x in (0.4, 0.5, 0.6))
+
+
+class Following:
+    """A search that brings the object on once, and then to its goal from there."""
+
+    def __init__(self, context, ends_at=(HALF_WAY, GOAL)):
+        self.context, self.ends, self.began = context, list(ends_at), []
+
+    def follow(self, subgoal, sequence, poses, known=None):
+        object = subgoal.goal.object
+        self.began.append(tuple(np.round(sequence.state.poses[object][:2], 3)))
+        np.testing.assert_allclose(poses[0], sequence.state.poses[object], atol=1e-9)
+        end = self.ends.pop(0) if self.ends else None
+        if end is None:
+            return Failure("contacts", Code.NO_CONTACT, "none")
+        reached = moved(sequence, object, end)
+        if end == GOAL:
+            return Solution(reached)
+        return Failure("contacts", Code.NO_CONTACT, "none", reached=reached)
+
+
+def moved(sequence, object, end):
+    state = sequence.state.copy()
+    state.poses[object] = np.concatenate([end, state.poses[object][3:]])
+    return replace(sequence, state=state)
+
+
+def job(width: float = WIDE):
+    made = scene(box("cube", (width, width, WIDE), START), goal=Goal("cube", pose(GOAL), 0.02, np.pi))
+    return PlanningJob(HmapPlanner(), made)
+
+
+def task_of(own, reached) -> PathTask:
+    return PathTask(Subgoal(own.scene.goal), SolutionSequence(own.start), 0, reached=reached)
+
+
+def test_it_begins_where_the_object_was_brought():
+    own = job()
+    search = Following(own.context)
+    task = task_of(own, moved(SolutionSequence(own.start), "cube", (0.45, -0.03, WIDE / 2)))
+    assert PushedOn().applies(task)
+    outcome = PushedOn().solve(search, task)
+    assert isinstance(outcome, Solution)
+    assert search.began[0] == (0.45, -0.03) and search.began[-1] == tuple(np.round(HALF_WAY[:2], 3))
+    np.testing.assert_allclose(outcome.sequence.state.poses["cube"][:3], GOAL)
+
+
+def test_it_ends_where_no_push_brings_the_object_on():
+    own = job()
+    search = Following(own.context, ())
+    assert isinstance(PushedOn().solve(search, task_of(own, SolutionSequence(own.start))), Failure)
+    assert 1 <= len(search.began) <= 3
+
+
+def test_what_a_hand_grips_is_left_to_grasps():
+    own = job(0.05)
+    search = Following(own.context)
+    PushedOn().solve(search, task_of(own, SolutionSequence(own.start)))
+    assert search.began == []
+
+
+@pytest.mark.parametrize("reached", [False, True])
+def test_a_path_that_ends_half_way_tells_what_was_reached(monkeypatch, reached):
+    own = job()
+    goal = own.scene.goal
+    there = moved(SolutionSequence(own.start), "cube", HALF_WAY)
+    outcomes = [Solution(there, reach=1)] if reached else []
+
+    def run(strategies, task):
+        return outcomes.pop(0) if outcomes else Failure("contacts", Code.NO_CONTACT, "none")
+
+    monkeypatch.setattr(own.search, "run", run)
+    poses = np.array([pose(START), pose(HALF_WAY), pose(GOAL)])
+    outcome = own.search.follow(Subgoal(goal), SolutionSequence(own.start), poses)
+    assert isinstance(outcome, Failure) and outcome.reached is (there if reached else None)
