@@ -111,11 +111,7 @@ def test_a_hand_round_the_object_goes_back_as_it_came(plan):
     sample = clear_sample(plan, made, at)
     assert made.first < sample < made.begin
     assert np.linalg.norm(hand(plan, sample) - hand(plan, made.begin)) > 0.09
-    motion = back_to(plan, "arm", sample, plan.trajectory.joints["arm"][made.begin], at)
-    assert motion.positions[-1] == pytest.approx(plan.trajectory.joints["arm"][sample])
-    assert (
-        back_to(
-            plan, "arm", made.first, plan.trajectory.joints["arm"][made.first], float(plan.trajectory.time[made.first])
-        )
-        is None
-    )
+    q = plan.trajectory.joints["arm"]
+    motion = back_to(plan, ("arm",), sample, {"arm": q[made.begin]}, at)["arm"]
+    assert motion.positions[-1] == pytest.approx(q[sample])
+    assert back_to(plan, ("arm",), made.first, {"arm": q[made.first]}, float(plan.trajectory.time[made.first])) == {}

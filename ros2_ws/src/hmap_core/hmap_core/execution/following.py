@@ -90,13 +90,11 @@ class Following:
 
         Raises:
             PlannerError: CANCELED.
-            ExecutionError: TRACKING_LOST; the way back is blocked, or several robots hold one body: the hands keep it.
+            ExecutionError: TRACKING_LOST; the way back is blocked: the hands keep it.
         """
         held, plan = self._hands.held, self.plan
         if not held:
             return
-        if len(held) > len(set(held.values())):
-            raise ExecutionError(f"{' and '.join(held)} are blocked with one body in their hands", Code.TRACKING_LOST)
         q, rows = self._ports.observation.settled().q, slice(self._stretch.first, self._stretch.last + 1)
         off = np.array([np.abs(plan.trajectory.joints[robot][rows] - q[robot]).max(axis=1) for robot in held])
         at = self._stretch.first + int(off.max(axis=0).argmin())

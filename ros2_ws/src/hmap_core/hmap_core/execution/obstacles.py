@@ -4,7 +4,7 @@ The stop is along the path (:mod:`hmap_core.execution.halt`); where a hand lets 
 computed by :mod:`hmap_core.planner.interruption`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -15,7 +15,15 @@ from hmap_core.execution.ports import Command, Ports
 from hmap_core.execution.stretch_clock import StretchClock
 from hmap_core.execution.stretches import Stretch, joint_trajectory
 from hmap_core.planner.conflicts import Conflict, first_conflict, unknown_bodies
-from hmap_core.planner.interruption import back_to, clear_sample, contact_at, good_until, release, stable_sample
+from hmap_core.planner.interruption import (
+    back_to,
+    clear_sample,
+    contact_at,
+    good_until,
+    grasps_at,
+    release,
+    stable_sample,
+)
 from hmap_core.planner.planned_contacts import PlannedContact
 from hmap_core.trajectory.samples import index_at
 from hmap_core.types import Body, JointTrajectory, Plan, Robot
@@ -119,6 +127,10 @@ class ObstacleMonitor:
         if self._free_tools(index_at(time, at)):
             self._hands.let_go(plan)
             return at
+        for body in dict.fromkeys(self._hands.held.values()):
+            holders = [name for name, other in self._hands.held.items() if other == body]
+            if len(holders) > 1:
+                return self._leave_together(holders, body, at)
         contact = contact_at(plan, at)
         if contact is None:
             return at
@@ -131,12 +143,29 @@ class ObstacleMonitor:
             return at
         sample = stable_sample(plan, contact, min(at, float(time[contact.end])))
         if time[sample] < at - 2.0 * (time[1] - time[0]):
-            self._go_back(robot, sample, at)
+            self._go_back((robot.name,), sample, at)
             at = float(time[sample])
         state = self._hands.start_state(plan, sample)
         opening, motion = release(self._ports.scene(), state, plan, contact)
         self._hands.open(robot, opening)
         self._hands.move(robot, motion)
+        return at
+
+    def _leave_together(self, robots: Sequence[str], body: str, at: float) -> float:
+        """Robots that hold one body bring it back to where it stood, together, and let it go one after the other."""
+        plan, time = self._plan, self._plan.trajectory.time
+        held = grasps_at(plan, at, robots, body)
+        latest = max(held, key=lambda contact: contact.begin)  # before that, not all of them hold it
+        sample = stable_sample(plan, latest, min(at, float(time[latest.end])))
+        if time[sample] < at - 2.0 * (time[1] - time[0]):
+            self._go_back(robots, sample, at)
+            at = float(time[sample])
+        for contact in held:
+            state = self._hands.start_state(plan, sample)
+            opening, motion = release(self._ports.scene(), state, plan, contact)
+            robot = plan.scene.robots[contact.segment.robot]
+            self._hands.open(robot, opening)
+            self._hands.move(robot, motion)
         return at
 
     def _leave_approach(self, contact: PlannedContact, robot: Robot, at: float) -> None:
@@ -146,7 +175,7 @@ class ObstacleMonitor:
         if plan.trajectory.time[sample] < at - SAME_TIME:
             opening = plan.trajectory.gripper.get(robot.name)
             self._hands.open(robot, None if opening is None else float(opening[sample]))
-            self._go_back(robot, sample, at)
+            self._go_back((robot.name,), sample, at)
 
     def _free_sample(self, contact: PlannedContact, at: float) -> int:
         """The last sample on the way to a contact, up to ``at`` (s), before the way comes too near to a new body."""
@@ -156,9 +185,13 @@ class ObstacleMonitor:
         until = at if conflict is None else conflict.time - BACK_OFF
         return max(contact.first, index_at(time, until))
 
-    def _go_back(self, robot: Robot, sample: int, at: float) -> None:
-        state = self._hands.start_state(self._plan, index_at(self._plan.trajectory.time, at))
-        self._hands.move(robot, back_to(self._plan, robot.name, sample, state.q[robot.name], at))
+    def _go_back(self, robots: Sequence[str], sample: int, at: float) -> None:
+        plan = self._plan
+        state = self._hands.start_state(plan, index_at(plan.trajectory.time, at))
+        motions = back_to(plan, robots, sample, state.q, at)
+        start = self._ports.controllers.common_start() if len(motions) > 1 else None
+        commands = [self._hands.send(plan.scene.robots[name], motion, start) for name, motion in motions.items()]
+        self._hands.wait(commands, max((motion.times[-1] for motion in motions.values()), default=0.0) + HANG)
 
 
 def with_stop(plan: Plan, robot: str, stretch: Stretch, stopping: Halt) -> JointTrajectory:

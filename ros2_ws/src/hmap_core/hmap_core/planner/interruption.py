@@ -1,5 +1,7 @@
 """A plan that is blocked ahead: how far it may still be followed, and how a hand lets go where it has to stop."""
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from hmap_core import transforms
@@ -47,6 +49,13 @@ def contact_at(plan: Plan, at: float) -> PlannedContact | None:
     return next((kept for kept in contacts(plan) if kept.first <= k <= kept.last), None)
 
 
+def grasps_at(plan: Plan, at: float, robots: Sequence[str], body: str) -> list[PlannedContact]:
+    """The contacts of some robots with a body that a planned time (s) lies in, the ways there and back excluded."""
+    k = index_at(plan.trajectory.time, at)
+    own = [one for one in contacts(plan) if one.segment.object == body and one.begin <= k <= one.end]
+    return [next(one for one in own if one.segment.robot == name) for name in robots]
+
+
 def clear_sample(plan: Plan, contact: PlannedContact, at: float) -> int:
     """The last sample, at the planned time ``at`` (s) or before it, at which the hand is not yet round the object."""
     arm = load_arm(plan.scene.robots[contact.segment.robot].model)
@@ -68,18 +77,29 @@ def stable_sample(plan: Plan, contact: PlannedContact, at: float) -> int:
     return int(rows[stands[-1]]) if len(stands) else contact.begin
 
 
-def back_to(plan: Plan, robot: str, sample: int, q: np.ndarray, at: float) -> JointTrajectory | None:
-    """The way of a robot from its configuration q (n,) at the planned time ``at`` back to a sample, as it came.
+def back_to(
+    plan: Plan, robots: Sequence[str], sample: int, q: Mapping[str, np.ndarray], at: float
+) -> dict[str, JointTrajectory]:
+    """The way of robots from their configurations at the planned time ``at`` back to a sample, as they came.
 
-    What it holds comes along, so it moves as slowly as with an object. None where it is there already.
+    What they hold comes along, so they move as slowly as with an object, and together. Empty where they are there.
+
+    Args:
+        plan: that was followed.
+        robots: names.
+        sample: of the plan.
+        q: robot -> where (n,) it is.
+        at: planned time, s.
     """
-    rows = plan.trajectory.joints[robot][sample : index_at(plan.trajectory.time, at) + 1][::-1]
-    if np.abs(rows[-1] - q).max() < THERE:
-        return None
+    until = index_at(plan.trajectory.time, at)
+    rows = np.hstack([plan.trajectory.joints[name][sample : until + 1] for name in robots])[::-1]
+    start = np.concatenate([q[name] for name in robots])
+    if np.abs(rows[-1] - start).max() < THERE:
+        return {}
     moved = np.cumsum(np.abs(np.diff(rows, axis=0)).max(axis=1, initial=0.0), axis=0)
     corners = np.flatnonzero(np.diff(np.floor(moved / CORNER)) > 0.0) + 1
-    path = np.concatenate([q[None], rows[corners], rows[-1:]])
-    return _timed(plan.scene, robot, path, HOLD_SPEED, HOLD_ACCELERATION)
+    path = np.concatenate([start[None], rows[corners], rows[-1:]])
+    return _timed(plan.scene, robots, path, HOLD_SPEED, HOLD_ACCELERATION)
 
 
 def release(
@@ -105,7 +125,7 @@ def release(
     if not len(path):
         return opening, None
     path = np.concatenate([state.q[robot][None], path])
-    return opening, _timed(scene, robot, path, FREE_SPEED, FREE_ACCELERATION)
+    return opening, _timed(scene, (robot,), path, FREE_SPEED, FREE_ACCELERATION)[robot]
 
 
 def held_pose(scene: Scene, state: SceneState, contact: PlannedContact) -> np.ndarray:
@@ -115,8 +135,18 @@ def held_pose(scene: Scene, state: SceneState, contact: PlannedContact) -> np.nd
     return transforms.multiply(T_world_ee, transforms.inverse(contact.segment.T_obj_manipulator))
 
 
-def _timed(scene: Scene, robot: str, path: np.ndarray, speed: float, acceleration: float) -> JointTrajectory:
-    model = scene.robots[robot].model
-    limits = speed * model.velocity_limits, acceleration * model.acceleration_limits
-    timed = time_parameterise(path, *limits, SAMPLE_PERIOD, model.position_limits)
-    return JointTrajectory(model.joint_names, timed.time, timed.q, timed.qd)
+def _timed(
+    scene: Scene, robots: Sequence[str], path: np.ndarray, speed: float, acceleration: float
+) -> dict[str, JointTrajectory]:
+    """The motions of robots along a path (M, n) of all their joints, as slow as the slowest of them."""
+    models = {name: scene.robots[name].model for name in robots}
+    velocities = np.concatenate([model.velocity_limits for model in models.values()])
+    accelerations = np.concatenate([model.acceleration_limits for model in models.values()])
+    limits = np.hstack([model.position_limits for model in models.values()])
+    timed = time_parameterise(path, speed * velocities, acceleration * accelerations, SAMPLE_PERIOD, limits)
+    ends = np.cumsum([len(model.joint_names) for model in models.values()])[:-1]
+    q, qd = np.split(timed.q, ends, axis=1), np.split(timed.qd, ends, axis=1)
+    return {
+        name: JointTrajectory(model.joint_names, timed.time, own, speeds)
+        for (name, model), own, speeds in zip(models.items(), q, qd, strict=True)
+    }
