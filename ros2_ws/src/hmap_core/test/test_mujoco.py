@@ -12,6 +12,7 @@ from hmap_core import transforms
 from hmap_core.exceptions import InputError
 from hmap_core.scenes import list_tasks, load_robot_model, load_scene
 from hmap_core.simulation import engines
+from hmap_core.simulation.bodies import mass_properties
 from hmap_core.simulation.engines import MUJOCO, check_engine, open_world
 from hmap_core.simulation.execute import execute_closed_loop
 from hmap_core.simulation.mjcf import scene_to_mjcf
@@ -87,8 +88,6 @@ def test_mass_properties_are_those_of_the_shapes():
     body = replace(sim.box("body", (1, 1, 1), (0.3, 0.2, 0.5), mass=0.7), shapes=shapes)
     world = MujocoWorld(sim.scene(body, robots=False))
     link = world.model.body("body")
-    from hmap_core.simulation.bodies import mass_properties
-
     T, moments = mass_properties(shapes, 0.7)
     assert link.mass[0] == pytest.approx(0.7)
     np.testing.assert_allclose(link.ipos, T[:3], atol=1e-9)
