@@ -67,11 +67,11 @@ def test_a_body_slides_on_a_slope_that_friction_does_not_hold():
     angle = np.deg2rad(20.0)
     tilt = (0.0, np.sin(angle / 2), 0.0, np.cos(angle / 2))
     slope = replace(
-        sim.box("slope", (1.0, 1.0, 0.1), (0, 0, 0), BodyKind.FIXED, friction=0.9),
+        sim.box("slope", (1.0, 1.0, 0.1), (0, 0, 0), BodyKind.FIXED, friction=1.0),
         pose=transforms.pose((0, 0, 1), tilt),
     )
     moved = []
-    for friction in (0.3, 0.45):  # the tangent of 20 degrees is 0.36; the lower coefficient counts
+    for friction in (0.3, 0.45):  # the tangent of 20 degrees is 0.36; the product of the coefficients counts
         up = transforms.multiply(slope.pose, transforms.pose((0.0, 0.0, 0.08)))
         box = replace(sim.box("box", (0.06, 0.06, 0.06), (0, 0, 0), friction=friction), pose=up)
         world = stepped(MujocoWorld(sim.scene(slope, box, robots=False)), 0.5)

@@ -2,7 +2,7 @@
 
 What PyBullet reads of robots is read here, too: the cleaned URDF with pads on the fingers. Robots collide with fixed
 bodies and with each other by groups; every contact of a movable body is an explicit pair, so that its friction is the
-lower of both coefficients, as the planner and the judge assume.
+product of both coefficients, as in PyBullet.
 """
 
 import itertools
@@ -233,7 +233,7 @@ def _add_geom(element: Element, name: str, shape: Shape, assets: Element, **more
 
 def _add_pair(a: _Geom, b: _Geom, contact: Element) -> None:
     rolls = a.rolls or b.rolls
-    sliding, spinning = min(a.friction, b.friction), max(a.spinning, b.spinning)
+    sliding, spinning = a.friction * b.friction, max(a.spinning, b.spinning)
     rolling = ROLLING_FRICTION if rolls else 0.0
     SubElement(
         contact,

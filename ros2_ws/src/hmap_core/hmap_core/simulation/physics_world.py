@@ -18,8 +18,8 @@ class PhysicsRobot(Protocol):
     def gripper_state(self) -> tuple[float, float, float]:
         """Opening (m), its velocity (m/s) and the force of the pads (N); zeros without a gripper."""
 
-    def set_joint_targets(self, q: np.ndarray, qd: np.ndarray) -> None:
-        """Positions (n,) and velocities (n,) that the motors go for until told otherwise."""
+    def set_joint_targets(self, q: np.ndarray, qd: np.ndarray, effort: np.ndarray | None = None) -> None:
+        """Positions (n,) and velocities (n,) that the motors go for, and efforts (n,) in N m or N to press with."""
 
     def set_gripper(self, opening: float, force: float) -> None:
         """Gap between the pads (m) that the fingers go for, each pressing with at most ``force`` (N)."""
