@@ -27,7 +27,6 @@ from hmap_core.waypoints.checker import PENETRATION_ALLOWED
 
 PUSHED_STEPS = 3  # poses of a push, 1 cm apart, for which an object needs room before it, and a finger behind it
 BATCHES = 2  # of contacts whose fate is told
-SAMPLINGS = 2  # of contacts, before an object counts as out of the reach of all hands
 TOO_FAR = "too far for the arm"
 HAND_FREE = "free for the hand, but not for the arm on its way there and back"
 
@@ -56,19 +55,18 @@ def why_not_moved(scene: Scene, state: SceneState, object: str) -> str:
 def hand_fits(scene: Scene, state: SceneState, object: str, seed: int = 0) -> bool:
     """Whether a hand alone, without the arm, can grip an object where it is, or push or drag it to where it has room.
 
-    Contacts are sampled several times before the answer is no.
+    Some thousand contacts are looked at before the answer is no.
     """
     pushed = first_pushes(scene.bodies[object], state.poses[object], PUSHED_STEPS)
     ways = [way for way in pushed if not overlapped(scene, state, object, way[-1])]
     rng = np.random.default_rng(seed)
-    for _ in range(SAMPLINGS):
-        for poses in (state.poses[object][None], *ways):
-            for robot in scene.robots:
-                manipulation, _ = cleared(scene, state, object, robot)
-                query = ContactQuery(scene, state, object, poses, robot, rng)
-                for batch in chain(SampledContacts().propose(query), SampledPresses().propose(query)):
-                    if len(batch.contacts) and (reach_bounds(manipulation, batch.contacts, poses) >= 0).any():
-                        return True
+    for poses in ways or [state.poses[object][None]]:  # grasps are among the contacts for each push
+        for robot in scene.robots:
+            manipulation, _ = cleared(scene, state, object, robot)
+            query = ContactQuery(scene, state, object, poses, robot, rng)
+            for batch in chain(SampledContacts().propose(query), SampledPresses().propose(query)):
+                if len(batch.contacts) and (reach_bounds(manipulation, batch.contacts, poses) >= 0).any():
+                    return True
     return False
 
 
