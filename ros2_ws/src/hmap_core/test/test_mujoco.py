@@ -16,7 +16,7 @@ from hmap_core.simulation.bodies import mass_properties
 from hmap_core.simulation.engines import MUJOCO, check_engine, open_world
 from hmap_core.simulation.execute import execute_closed_loop
 from hmap_core.simulation.mjcf import scene_to_mjcf
-from hmap_core.types import BodyKind, Goal, Robot, Shape, ShapeKind
+from hmap_core.types import BodyKind, Goal, Robot, SegmentKind, Shape, ShapeKind
 
 mujoco_world = pytest.importorskip("hmap_core.simulation.mujoco_world")
 MujocoWorld = mujoco_world.MujocoWorld
@@ -107,6 +107,13 @@ def test_a_plan_is_executed_as_in_the_other_engine(drag):
     report = execute_closed_loop(drag, None, 0, engine=MUJOCO)
     assert report.solved
     assert report.goal_error.position_m < 0.003
+
+
+def test_a_press_is_refused(drag):
+    press = replace(drag.segments[1], kind=SegmentKind.PRESS)
+    plan = replace(drag, segments=(drag.segments[0], press, drag.segments[2]))
+    with pytest.raises(InputError, match="presses on 'box' at .* use engine 'pybullet'"):
+        execute_closed_loop(plan, None, 0, engine=MUJOCO)
 
 
 def test_the_same_plan_gives_the_same_report(drag):

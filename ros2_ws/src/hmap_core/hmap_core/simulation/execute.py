@@ -6,15 +6,16 @@ Nothing but the joints and the fingers is ever commanded, through the same contr
 from collections.abc import Callable
 from contextlib import closing
 
+from hmap_core.exceptions import InputError
 from hmap_core.execution.drift import DriftTolerance
 from hmap_core.execution.plan_executor import PlanExecutor, Progress
 from hmap_core.execution.recovery import RecoveryPolicy, Replanner
 from hmap_core.execution.report import ClosedLoopReport, ExecutionReport
 from hmap_core.execution.stretches import Stretch, check_executable
-from hmap_core.simulation.engines import PYBULLET, open_world
+from hmap_core.simulation.engines import MUJOCO, PYBULLET, open_world
 from hmap_core.simulation.physics_world import PhysicsWorld
 from hmap_core.simulation.ports import SimulatedControllers, simulated_ports
-from hmap_core.types import Plan, Scene
+from hmap_core.types import Plan, Scene, SegmentKind
 
 START_SETTLE = 0.2  # s for the bodies to come to rest before anything moves
 
@@ -60,9 +61,11 @@ def execute_closed_loop(
         actual: the scene as it is, if that differs from what the plan knows; only the world has it.
 
     Raises:
-        InputError: the plan is kinematic, or inconsistent with its scene; the engine is not installed.
+        InputError: the plan is kinematic, or inconsistent with its scene; the engine is not installed, or it cannot
+            execute a contact of the plan.
     """
     check_executable(plan)
+    _check_presses(plan, engine)
     policy = RecoveryPolicy(max_replans, max_replans, drift=tolerance or DriftTolerance())
     with closing(open_world(plan.scene, engine, actual)) as world:
         controllers = SimulatedControllers(world)
@@ -70,3 +73,13 @@ def execute_closed_loop(
         ports = simulated_ports(world, controllers)
         on_stretch = None if between is None else lambda stretch: between(world, stretch)
         return PlanExecutor(ports, on_progress=on_progress, on_stretch=on_stretch).run(plan, replan, policy)
+
+
+def _check_presses(plan: Plan, engine: str) -> None:
+    """Raises InputError where an engine has no hands that press with a force, and the plan needs them."""
+    press = next((segment for segment in plan.segments if segment.kind is SegmentKind.PRESS), None)
+    if engine == MUJOCO and press is not None:
+        raise InputError(
+            f"the plan presses on '{press.object}' at {press.start:.2f} s, and engine '{MUJOCO}' has no hands that "
+            f"press with a force; use engine '{PYBULLET}'"
+        )
