@@ -16,7 +16,7 @@ from hmap_msgs_py.poses import (
     pose_to_message,
 )
 
-KINDS = (ContactCandidate.TOUCH, ContactCandidate.GRASP, ContactCandidate.PUSH)
+KINDS = (ContactCandidate.TOUCH, ContactCandidate.GRASP, ContactCandidate.PUSH, ContactCandidate.PRESS)
 
 
 def contact_to_message(
@@ -31,7 +31,7 @@ def contact_to_message(
 
     Args:
         contact: has ``kind``, ``T_obj_ee`` (7,), ``point`` (3,), ``normal`` (3,), ``opening``, ``approach`` (3,) and
-            ``score``.
+            ``score``, and a press ``force`` (N).
         robot: name of the robot.
         object_name: name of the object.
         reach: index of the last object pose that the contact reaches.
@@ -51,6 +51,7 @@ def contact_to_message(
         opening=float(finite("opening", field(contact, "opening"), ())),
         approach=direction_to_message(field(contact, "approach"), "approach"),
         score=float(finite("score", field(contact, "score"), ())),
+        force=float(finite("force", field(contact, "force", 0.0), ())),
         reach=reach,
         keyframes=_flat(keyframes),
         clear=list(clear),
@@ -58,13 +59,13 @@ def contact_to_message(
 
 
 def contact_from_message(message: ContactCandidate) -> dict:
-    """Convert to ``{kind, T_obj_ee, point, normal, opening, approach, score}``, without the other fields of the
-    message.
+    """Convert to ``{kind, T_obj_ee, point, normal, opening, approach, score}``, and ``force`` of a press, without the
+    other fields of the message.
 
     Raises:
         ConversionError: a value is not allowed.
     """
-    return {
+    fields: dict[str, Any] = {
         "kind": one_of("kind of contact", message.kind, KINDS),
         "T_obj_ee": pose_from_message(message.pose, "contact pose"),
         "point": point_from_message(message.point, "contact point"),
@@ -73,6 +74,9 @@ def contact_from_message(message: ContactCandidate) -> dict:
         "approach": direction_from_message(message.approach, "approach"),
         "score": float(finite("score", message.score, ())),
     }
+    if message.kind == ContactCandidate.PRESS:
+        fields["force"] = float(finite("force", message.force, ()))
+    return fields
 
 
 def feasibility_to_message(

@@ -16,7 +16,7 @@ from hmap_msgs_py.checks import ConversionError, field, finite, one_of, poses
 from hmap_msgs_py.poses import pose_from_message, pose_to_message, poses_to_messages
 from hmap_msgs_py.world import WORLD_FRAME, scene_from_message
 
-SEGMENT_KINDS = (Segment.TRANSIT, Segment.TOUCH, Segment.GRASP, Segment.PUSH)
+SEGMENT_KINDS = (Segment.TRANSIT, Segment.TOUCH, Segment.GRASP, Segment.PUSH, Segment.PRESS)
 TYPED_KEYS = ("trajectory", "segments", "waypoints", "stats")  # entries of a plan file with their own fields
 
 
@@ -78,7 +78,8 @@ def segment_to_message(segment: Any) -> Segment:
     """Convert a segment, a time interval with one contact mode.
 
     Args:
-        segment: has ``start``, ``end``, ``robot``, ``manipulator``, ``object``, ``kind`` and ``contact_pose``.
+        segment: has ``start``, ``end``, ``robot``, ``manipulator``, ``object``, ``kind`` and ``contact_pose``,
+            and a press ``force`` (N).
 
     Raises:
         ConversionError: a value is not allowed.
@@ -93,16 +94,18 @@ def segment_to_message(segment: Any) -> Segment:
         kind=one_of("kind of segment", field(segment, "kind"), SEGMENT_KINDS),
         has_contact=contact is not None,
         contact_pose=Pose() if contact is None else pose_to_message(contact, "contact pose"),
+        force=float(finite("force of segment", field(segment, "force", None) or 0.0, ())),
     )
 
 
 def segment_from_message(message: Segment) -> dict[str, Any]:
-    """Convert to the keys of :func:`segment_to_message`; object and contact_pose are None in transit.
+    """Convert to the keys of :func:`segment_to_message`; object and contact_pose are None in transit, and only a press
+    has a force.
 
     Raises:
         ConversionError: a value is not allowed.
     """
-    return {
+    fields: dict[str, Any] = {
         "start": float(finite("start of segment", message.start, ())),
         "end": float(finite("end of segment", message.end, ())),
         "robot": message.robot,
@@ -111,6 +114,9 @@ def segment_from_message(message: Segment) -> dict[str, Any]:
         "kind": one_of("kind of segment", message.kind, SEGMENT_KINDS),
         "contact_pose": pose_from_message(message.contact_pose, "contact pose") if message.has_contact else None,
     }
+    if message.kind == Segment.PRESS:
+        fields["force"] = float(finite("force of segment", message.force, ()))
+    return fields
 
 
 def waypoints_to_message(object_name: str, values: np.ndarray, stamp: Time | None = None) -> Waypoints:

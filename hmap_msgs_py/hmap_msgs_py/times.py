@@ -41,7 +41,11 @@ def seconds_from_message(message: Time | Duration) -> float:
 
 
 def joint_trajectory_to_message(
-    joint_names: Sequence[str], time: np.ndarray, positions: np.ndarray, velocities: np.ndarray | None = None
+    joint_names: Sequence[str],
+    time: np.ndarray,
+    positions: np.ndarray,
+    velocities: np.ndarray | None = None,
+    efforts: np.ndarray | None = None,
 ) -> JointTrajectory:
     """Convert a joint trajectory.
 
@@ -52,6 +56,7 @@ def joint_trajectory_to_message(
         time: (N,) s from the start.
         positions: (N, n) rad or m.
         velocities: (N, n) rad/s or m/s, or None.
+        efforts: (N, n) N m or N that the joints apply beside those that follow the motion, or None.
 
     Raises:
         ConversionError: a value is not finite, or sizes do not match.
@@ -60,11 +65,13 @@ def joint_trajectory_to_message(
     stamps = finite("time", time, (None,))
     rows = finite("positions", positions, (len(stamps), len(names)))
     rates = None if velocities is None else finite("velocities", velocities, rows.shape)
+    forces = None if efforts is None else finite("efforts", efforts, rows.shape)
     points = [
         JointTrajectoryPoint(
             time_from_start=duration_to_message(stamps[i]),
             positions=rows[i].tolist(),
             velocities=[] if rates is None else rates[i].tolist(),
+            effort=[] if forces is None else forces[i].tolist(),
         )
         for i in range(len(stamps))
     ]
@@ -97,6 +104,25 @@ def joint_trajectory_from_message(
         return time, positions[:, columns], None
     velocities = finite("velocities", np.array([point.velocities for point in message.points]), shape)
     return time, positions[:, columns], velocities[:, columns]
+
+
+def joint_efforts_from_message(message: JointTrajectory, joint_names: Sequence[str]) -> np.ndarray | None:
+    """Convert to efforts (N, n) in the order of ``joint_names``; None if a point has none.
+
+    Args:
+        message: one that :func:`joint_trajectory_from_message` accepts.
+        joint_names: of the n joints.
+
+    Raises:
+        ConversionError: sizes do not match, or a value is not finite.
+    """
+    given = list(message.joint_names)
+    if not len(message.points) or not all(len(point.effort) for point in message.points):
+        return None
+    for i, point in enumerate(message.points):
+        same_length(f"effort of point {i}", point.effort, len(given), "joints")
+    efforts = finite("efforts", np.array([point.effort for point in message.points]))
+    return efforts[:, [given.index(name) for name in joint_names]]
 
 
 def _split(seconds: float) -> dict[str, int]:

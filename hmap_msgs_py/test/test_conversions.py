@@ -284,6 +284,16 @@ def test_contact_round_trip():
     assert equal(contacts.contact_from_message(message), CONTACT)
 
 
+def test_a_press_keeps_its_force():
+    press = CONTACT | {"kind": "press", "force": 6.5}
+    message = over_the_wire(contacts.contact_to_message(press, "left", "bar"))
+    assert equal(contacts.contact_from_message(message), press)
+    segment = SEGMENT | {"object": "bar", "kind": "press", "contact_pose": TURNED, "force": 6.5}
+    assert equal(plans.segment_from_message(over_the_wire(plans.segment_to_message(segment))), segment)
+    with pytest.raises(checks.ConversionError, match="force"):
+        plans.segment_to_message(segment | {"force": NAN})
+
+
 @pytest.mark.parametrize("change", [{"normal": [0, 2, 0]}, {"approach": [0, 0, 0]}, {"kind": "suck"}, {"score": NAN}])
 def test_bad_contact_is_refused(change):
     with pytest.raises(checks.ConversionError):
@@ -393,6 +403,17 @@ def test_joint_trajectory_round_trip_by_name():
     assert np.array_equal(q, positions[:, ::-1]) and np.array_equal(v, velocities[:, ::-1])
     without = times.joint_trajectory_to_message(["a", "b"], [0.0, 0.5], positions)
     assert times.joint_trajectory_from_message(without, ["a", "b"])[2] is None
+
+
+def test_efforts_of_a_joint_trajectory_round_trip_by_name():
+    positions, efforts = np.array([[0.0, 1.0], [0.5, 1.5]]), np.array([[0.0, 0.0], [3.0, -2.0]])
+    message = over_the_wire(times.joint_trajectory_to_message(["a", "b"], [0.0, 0.5], positions, None, efforts))
+    assert np.array_equal(times.joint_efforts_from_message(message, ["b", "a"]), efforts[:, ::-1])
+    without = times.joint_trajectory_to_message(["a", "b"], [0.0, 0.5], positions)
+    assert times.joint_efforts_from_message(without, ["a", "b"]) is None
+    message.points[1].effort = [0.0]
+    with pytest.raises(checks.ConversionError, match="effort of point 1 has 1 values for 2 joints"):
+        times.joint_efforts_from_message(message, ["a", "b"])
 
 
 def test_bad_joint_trajectories_are_named():

@@ -91,3 +91,28 @@ def _dragged(folder: Path, shape: str, height: float, name: str, ground: float =
     file = folder / f"{name}.yaml"
     file.write_text(DRAGGED.format(shape=shape, ground=ground, z=height / 2, name=name))
     return load_scene(str(file))
+
+
+ROW = """
+schema: 1
+description: Take a book out of a row, flush with its neighbours, and stand it elsewhere.
+mode: physical
+fixed:
+  table: {shape: box, size: [2.4, 2.4, 0.1], pose: {xyz: [0, 0, -0.05]}}
+  platform: {shape: box, size: [0.4, 1.2, 0.14], pose: {xyz: [0.6, 0, 0.07]}}
+  left: {shape: box, size: [0.115, 0.08, 0.17], pose: {xyz: [0.56, 0.113, 0.225]}}
+  right: {shape: box, size: [0.115, 0.08, 0.17], pose: {xyz: [0.56, -0.013, 0.225]}}
+  back: {shape: box, size: [0.02, 0.22, 0.17], pose: {xyz: [0.63, 0.05, 0.225]}}
+movable:
+  book: {shape: box, size: [0.115, 0.04, 0.17], pose: {xyz: [0.56, 0.05, 0.225]}, mass: 0.2, friction: 0.6}
+robots:
+  arm: {model: panda, base: {xyz: [0, 0, 0]}}
+goal: {object: book, pose: {xyz: [0.5, -0.3, 0.225]}}
+"""
+
+
+def row(folder: Path) -> Scene:
+    """A book in a row, 3 mm from its neighbours on both sides, too close for fingers."""
+    file = folder / "row.yaml"
+    file.write_text(ROW)
+    return load_scene(str(file))

@@ -16,6 +16,7 @@ from hmap_core.planner.search import ROUNDS
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
 from hmap_core.planner.strategies import PATH_STRATEGIES
 from hmap_core.planner.strategies.manipulation_graph import ManipulationGraphStrategy
+from hmap_core.planner.strategies.pressed_path import PressedPath
 from hmap_core.transforms import interpolate, pose
 from hmap_core.types import ContactKind, ContactPoint, Goal, Segment, SegmentKind, Trajectory
 from hmap_core.waypoints import NoObjectPath
@@ -24,9 +25,10 @@ PATH = 11  # poses of the object's path
 
 
 @pytest.fixture(autouse=True)
-def without_intermediate_placements(monkeypatch):
-    """Algorithm 1 alone: the manipulation graph above it has its own tests, and would call the script once more."""
-    strategies = [strategy for strategy in PATH_STRATEGIES if not isinstance(strategy, ManipulationGraphStrategy)]
+def without_presses_and_intermediate_placements(monkeypatch):
+    """Algorithm 1 alone: presses and the manipulation graph have tests of their own, and would call the script, too."""
+    others = PressedPath, ManipulationGraphStrategy
+    strategies = [strategy for strategy in PATH_STRATEGIES if not isinstance(strategy, others)]
     monkeypatch.setattr("hmap_core.planner.search.PATH_STRATEGIES", strategies)
 
 

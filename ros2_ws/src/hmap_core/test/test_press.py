@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planner_fixtures import disc, plate
+from planner_fixtures import disc, plate, row
 from simulation_fixtures import box, scene
 
 from hmap_core import plan_file, planner
@@ -199,14 +199,29 @@ def test_a_plate_as_rough_below_as_the_fingers_is_refused(tmp_path):
     assert failure.value.code in (Code.OUT_OF_REACH, Code.NO_CONTACT)
 
 
-@pytest.mark.parametrize(("height", "flat"), [(0.01, True), (0.04, True), (0.08, False), (0.12, False)])
-def test_only_flat_objects_are_dragged(height, flat):
-    """A force at the top tips what is higher than its corners are away from its middle."""
-    block = box("plate", (0.1, 0.1, height), (0.5, 0.0, height / 2), mass=0.2, friction=0.5)
+@pytest.mark.parametrize(
+    ("width", "height", "drags"), [(0.1, 0.01, True), (0.1, 0.04, True), (0.1, 0.12, False), (0.04, 0.12, True)]
+)
+def test_high_objects_are_dragged_only_if_a_gripper_could_set_them_upright(width, height, drags):
+    """A force at the top must not tip what is dragged: with a coefficient of 1, or of 1.25 times its own."""
+    block = box("plate", (0.1, width, height), (0.5, 0.0, height / 2), mass=0.2, friction=0.5)
     poses = along(0.15, 0.0) + np.array([0, 0, height / 2 - START[2], 0, 0, 0, 0])
     press = press_on(block, poses=poses)
     made = press.with_forces(sampled(press, block), poses)
-    assert (max((reach for _, reach in made), default=0) == len(poses) - 1) == flat
+    assert (max((reach for _, reach in made), default=0) == len(poses) - 1) == drags
+
+
+def test_a_narrow_object_is_not_dragged_sideways():
+    block = box("plate", (0.04, 0.1, 0.12), (0.5, 0.0, 0.06), mass=0.2, friction=0.5)
+    poses = along(0.15, 0.0) + np.array([0, 0, 0.06 - START[2], 0, 0, 0, 0])
+    press = press_on(block, poses=poses)
+    assert max((reach for _, reach in press.with_forces(sampled(press, block), poses)), default=0) == 0
+
+
+def test_a_book_is_dragged_out_of_a_row_and_gripped_in_front_of_it(tmp_path):
+    plan = planner.plan(row(tmp_path), seed=0)
+    kinds = [segment.kind for segment in plan.segments if segment.kind is not SegmentKind.TRANSIT]
+    assert kinds[0] is SegmentKind.PRESS and kinds[-1] is SegmentKind.GRASP
 
 
 def test_what_can_be_gripped_is_not_dragged(tmp_path):

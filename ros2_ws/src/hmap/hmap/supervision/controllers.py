@@ -134,7 +134,8 @@ class Controllers:
             ExecutionError: SERVICE_UNAVAILABLE.
         """
         names = self._naming.arm_joints(robot.name, robot.model)
-        trajectory = joint_trajectory_to_message(names, motion.times, motion.positions, motion.velocities)
+        samples = motion.times, motion.positions, motion.velocities, motion.efforts
+        trajectory = joint_trajectory_to_message(names, *samples)
         if start is not None:
             trajectory.header.stamp = time_to_message(start)
         goal = FollowJointTrajectory.Goal(trajectory=trajectory)

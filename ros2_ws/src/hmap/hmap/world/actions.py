@@ -13,7 +13,12 @@ from hmap_core.simulation.controllers import Outcome, Tolerances
 from hmap_core.types import JointTrajectory, Robot
 from hmap_msgs_py.checks import ConversionError, finite
 from hmap_msgs_py.measurements import ReceiverClock
-from hmap_msgs_py.times import joint_trajectory_from_message, seconds_from_message, time_to_message
+from hmap_msgs_py.times import (
+    joint_efforts_from_message,
+    joint_trajectory_from_message,
+    seconds_from_message,
+    time_to_message,
+)
 
 START_AHEAD = 60.0  # s; a trajectory that starts later than this was stamped by another clock
 POLL = 0.05  # s of real time between checks for a cancel request, and between feedback messages
@@ -78,7 +83,8 @@ class ControllerActions:
 
     def _command(self, goal: FollowJointTrajectory.Goal) -> tuple[JointTrajectory, Tolerances]:
         samples = joint_trajectory_from_message(goal.trajectory, list(self._joints))
-        return JointTrajectory(self._robot.model.joint_names, *samples), self._tolerances(goal)
+        efforts = joint_efforts_from_message(goal.trajectory, list(self._joints))
+        return JointTrajectory(self._robot.model.joint_names, *samples, efforts), self._tolerances(goal)
 
     def _tolerances(self, goal: FollowJointTrajectory.Goal) -> Tolerances:
         """The goal's own tolerances, or the defaults; a negative tolerance means unlimited."""

@@ -291,7 +291,7 @@ class WorldLoop(threading.Thread):
         for name, arm in self._arms.items():
             robot = self.world.robot(name)
             desired = arm.update(now, *robot.arm_state())
-            robot.set_joint_targets(desired.q, desired.qd)
+            robot.set_joint_targets(desired.q, desired.qd, desired.effort)
             self._follow_up(arm, desired, arm.reason)
         for name, gripper in self._grippers.items():
             robot = self.world.robot(name)

@@ -18,6 +18,7 @@ from hmap_core.contacts.access import on_face
 from hmap_core.contacts.camera import Cloud
 from hmap_core.contacts.candidates import CONTACT_GAP, Situation, frames, on_surface, tangents
 from hmap_core.contacts.grasp_torque import GRAVITY
+from hmap_core.contacts.grip_width import narrowest
 from hmap_core.contacts.push import SlidingBody
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.shapes import body_set
@@ -34,7 +35,10 @@ POINTS = 60  # of the top that are tried
 PATCH = 3e-4  # m; vertices of the fingers this near to the foremost one press
 EDGE = 0.002  # m that the patch stays inside the face, and above the support
 TILT_EDGE = 0.005  # m that the centre of pressure stays inside the footprint
-TIPPING_FRICTION = 1.0  # coefficient with which an object must not tip where it jams, whatever its own is
+# An object must not tip where it jams: with this coefficient, whatever its own is. What a gripper could hold, and set
+# upright again, is asked with a multiple of its own coefficient with the support only.
+TIPPING_FRICTION = 1.0
+TIPPING_RESERVE = 1.25
 SAME_HEIGHT = 1e-3  # m between the object's lowest point and what carries it
 PRESS_SCORE = 1.0  # score of a press at the centre of mass; it decreases with the force that is needed
 
@@ -99,13 +103,17 @@ class Press:
         self._ground = body.friction * support.friction
         feet = self._slide.footprint
         self._outline = _polygon(np.concatenate(feet) - self._slide.middle) if feet else np.zeros((0, 2))
-        self._height = TIPPING_FRICTION * (self._slide.top - self._slide.lowest)
+        width, gripper = narrowest(body), model.gripper
+        holds = gripper is not None and width is not None and width <= gripper.max_opening
+        tipping = min(TIPPING_FRICTION, TIPPING_RESERVE * self._ground) if holds else TIPPING_FRICTION
+        self._height = tipping * (self._slide.top - self._slide.lowest)  # the lever of friction at the top
 
     @property
     def possible(self) -> bool:
         """Whether fingertips can drag the object at all, wherever they press: by its height and friction."""
-        flat = len(self._outline) and np.linalg.norm(self._outline, axis=1).max() >= self._height + TILT_EDGE
-        return bool(flat and self._support.tops and self._finger > self._ground)
+        widest = 2.0 * np.linalg.norm(self._outline, axis=1).max(initial=0.0)  # pressed behind, it tips over the front
+        low = widest >= self._height + 2.0 * TILT_EDGE
+        return bool(low and self._support.tops and self._finger > self._ground)
 
     def sampled(self, cloud: Cloud, situation: Situation, rng: np.random.Generator) -> list[ContactPoint]:
         """Presses on the top of the object, without a force.

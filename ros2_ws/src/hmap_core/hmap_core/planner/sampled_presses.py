@@ -7,7 +7,7 @@ import numpy as np
 from hmap_core.contacts.candidates import Situation
 from hmap_core.contacts.press import Press, PressedSupport
 from hmap_core.planner.contact_finder import ProposeAndCheck
-from hmap_core.planner.protocols import ContactChecker, ContactProposals, ContactQuery
+from hmap_core.planner.protocols import ContactChecker, ContactProposals, ContactProposer, ContactQuery
 from hmap_core.planner.sampled_contacts import sampled_surface
 from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.types import Scene, SceneState
@@ -38,9 +38,9 @@ class SampledPresses:
             yield ContactProposals(tuple(contact for contact, _ in made[first : first + BATCH]))
 
 
-def press_finder(checker: ContactChecker) -> ProposeAndCheck:
-    """A finder of presses alone."""
-    return ProposeAndCheck([SampledPresses()], checker)
+def press_finder(checker: ContactChecker, *others: ContactProposer) -> ProposeAndCheck:
+    """A finder of presses, and of other contacts where there are none."""
+    return ProposeAndCheck([SampledPresses(), *others], checker)
 
 
 def press_of(scene: Scene, state: SceneState, object: str, robot: str, poses: np.ndarray) -> Press:

@@ -20,7 +20,7 @@ class Subgoal:
         alone: the subgoal fails if another body would have to be removed first.
         whole: one contact has to carry the object all the way.
         attached_path: the path of the object together with a hand, if it was planned for one.
-        pressed: hands press on the object from above; other contacts are not used.
+        pressed: hands press on the object from above as far as they can; other contacts take over where they end.
         reason: why, for people.
     """
 

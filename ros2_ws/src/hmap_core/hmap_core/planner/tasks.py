@@ -130,7 +130,7 @@ def restricted(context: SearchContext, subgoal: Subgoal) -> SearchContext:
     if path is not None:
         context = context.using(contacts=AttachedPathContact(parts.checker, path), tools=NoToolGrasps())
     if subgoal.pressed:
-        context = context.using(contacts=press_finder(parts.checker), tools=NoToolGrasps())
+        context = context.using(contacts=press_finder(parts.checker, parts.proposer), tools=NoToolGrasps())
     if subgoal.whole:
         context = context.using(contacts=covering(context.components.contacts, subgoal.goal.object))
     return context

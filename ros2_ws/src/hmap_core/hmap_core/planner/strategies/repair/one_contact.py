@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 ATTACHED_CHECKS = 500  # motions checked for a path of an object with a hand attached; most that are found need none
 PATH_CHECKS = 20_000  # motions checked for another path of an object; those that are found need fewer than 1000
+HELD = (SegmentKind.GRASP, SegmentKind.TOUCH)  # contacts with which a hand carries an object anywhere
 CONTACTS = 2  # searched, and tried, on a path
 
 
@@ -74,7 +75,7 @@ class OneContact:
     def _hands(self, context: SearchContext, task: RepairTask, goal: Goal) -> Iterator[tuple[str, ContactPoint]]:
         """Robots and contacts that might hold the object all the way; the old one first."""
         repair, state, kept = task.repair, task.state, task.subgoal.only_contact
-        if kept is not None and kept.segment.kind is not SegmentKind.PUSH and not repair.by_tool(kept):
+        if kept is not None and kept.segment.kind in HELD and not repair.by_tool(kept):
             yield kept.segment.robot, contact_of(repair.plan, kept)
         for robot in nearest_first(repair.scene, goal.object, state, tuple(repair.scene.robots)):
             for contact in context.components.end_contacts.find(
