@@ -37,6 +37,10 @@ class Search:
 
     Args:
         context: the job.
+
+    Attributes:
+        removal: removes obstacles.
+        given_up: names of strategies that are not tried in further rounds.
     """
 
     contact_strategies = CONTACT_STRATEGIES
@@ -44,6 +48,7 @@ class Search:
     def __init__(self, context: SearchContext):
         self.context = context
         self.removal = ObstacleRemoval(self)
+        self.given_up: set[str] = set()
 
     def plan(self, goal: Goal, sequence: SolutionSequence, accept: Callable[[Solution], Plan | None]) -> Plan:
         """The outer loop: object paths until one is solved and its plan is accepted.

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from hmap_core.planner.search import Search
 
 EDGES_PLANNED = 16  # in one round
+# failed edges over which the object is pushed, each a search of its own, after which the graph is given up
+SLIDES_FAILED, SLIDES_TO_GOAL_FAILED = 6, 3
 ROUNDS = 2  # of the outer loop in which a graph is searched
 _REASONS = ("to an intermediate placement", "to its goal")
 
@@ -38,10 +40,16 @@ class ManipulationGraphStrategy:
     def solve(self, search: "Search", task: PathTask) -> Outcome:
         """Plan edges on the cheapest way to the goal until it is reached, or no way is left."""
         context, record = search.context, search.context.record
+        if self.name in search.given_up:
+            return record.last_failure()
         graph, goal = self._graph(search, task)
+        slides = {False: 0, True: 0}  # failed ones to other placements, and to the goal
         for _ in range(EDGES_PLANNED):
             context.time_left()
-            way = graph.cheapest()
+            ended = sum(slides.values()) >= SLIDES_FAILED or slides[True] >= SLIDES_TO_GOAL_FAILED
+            if ended:
+                search.given_up.add(self.name)
+            way = None if ended else graph.cheapest()
             if way is None:
                 break
             a, b = way[0], way[1]
@@ -58,6 +66,7 @@ class ManipulationGraphStrategy:
                 if isinstance(outcome.error, RemovalError):
                     record.failed(outcome.error)
                 graph.failed(a, b)
+                slides[final] += edge.sliding
             elif final:
                 return outcome
             else:
