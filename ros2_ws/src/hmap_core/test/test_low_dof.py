@@ -1,5 +1,6 @@
 """Robots with fewer than six joints: which frames of a contact they reach, and what they push, pick and place."""
 
+import time
 from dataclasses import replace
 from unittest.mock import Mock
 
@@ -14,12 +15,15 @@ from hmap_core.contacts.grasp_axis import turned_grasps
 from hmap_core.contacts.hand import hand_of
 from hmap_core.contacts.push import push_reach
 from hmap_core.contacts.solids import solids
-from hmap_core.exceptions import Code, ContactError
+from hmap_core.exceptions import Code, ContactError, PlannerError
 from hmap_core.kinematics.arm import ALL_DIRECTIONS, load_arm
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.planner import plan, reachability
+from hmap_core.planner.manipulation_graph.graph import ManipulationGraph
+from hmap_core.planner.manipulation_graph.placements import Placement
 from hmap_core.planner.protocols import ContactQuery
 from hmap_core.planner.sampled_contacts import SampledContacts
+from hmap_core.planner.strategies.manipulation_graph import ManipulationGraphStrategy
 from hmap_core.planner.tilt import keeps_tilt, levelled, tilt_and_yaw
 from hmap_core.scenes import load_robot_model, load_scene
 from hmap_core.simulation.execute import execute
@@ -206,3 +210,54 @@ def test_a_robot_with_few_joints_pushes_picks_and_places(tmp_path, task, robot, 
     assert any(segment.kind == kind for segment in made.segments)
     report = execute(made)
     assert report.solved, report.reason
+
+
+# --- what cannot be done
+
+BRICK_GOAL = "goal: {object: brick, pose: {xyz: [0.42, 0.22, 0.04]}}"
+ROOF = "  roof: {shape: box, size: [0.3, 0.3, 0.02], pose: {xyz: [0.42, 0.22, 0.11]}}\nmovable:"
+CANNOT = {
+    "beyond the arm": (
+        (BRICK_GOAL, BRICK_GOAL.replace("0.42", "0.95")),
+        "is out of reach of arm: no contact can bring it",
+    ),
+    "under a roof": (("movable:", ROOF), r"are with the hand in 'roof'"),
+    "on its side": (
+        (BRICK_GOAL, BRICK_GOAL.replace("0.04]}}", "0.02], rpy_deg: [90, 0, 0]}}")),
+        r"is tilted by 90.0 deg from where it stands; allowed are 2.0 deg, for the hands of arm turn about",
+    ),
+}
+
+
+@pytest.mark.parametrize("robot", ["scara", "five"])
+@pytest.mark.parametrize("kind", CANNOT)
+def test_what_an_arm_with_few_joints_cannot_do_is_told_before_long_searches(tmp_path, robot, kind, monkeypatch):
+    if (robot, kind) == ("five", "on its side"):
+        pytest.skip("an arm with three pitch joints tilts its hand")
+
+    def searched(*_):
+        raise AssertionError("a graph of placements is searched")
+
+    monkeypatch.setattr(ManipulationGraphStrategy, "solve", searched)
+    (before, after), says = CANNOT[kind]
+    path = write_task(tmp_path, "brick", robot)
+    path.write_text(path.read_text().replace(before, after))
+    began = time.process_time()
+    with pytest.raises(ContactError, match=says) as error:
+        plan(load_scene(str(path), 0), seed=0, time_limit=60.0)
+    assert error.value.code == Code.OUT_OF_REACH and time.process_time() - began < 20.0  # s; a busy machine is slow
+
+
+def test_a_search_of_placements_ends_with_its_time():
+    calls = []
+
+    def check_time():
+        calls.append(1)
+        if len(calls) > 3:
+            raise PlannerError("no time is left", Code.TIME_LIMIT)
+
+    nodes = [Placement.at(pose((0.1 * k, 0.0, 0.0))) for k in range(3)]
+    graph = ManipulationGraph(nodes, [], Mock(motions=[]), np.random.default_rng(0), check_time=check_time)
+    with pytest.raises(PlannerError, match="no time is left"):
+        for _ in range(9):
+            graph.cheapest()

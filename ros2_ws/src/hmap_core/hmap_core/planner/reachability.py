@@ -12,9 +12,9 @@ from hmap_core.planner.obstruction import without
 from hmap_core.planner.protocols import ContactSearchQuery
 from hmap_core.planner.sampled_presses import press_finder
 from hmap_core.planner.tasks import PathTask
-from hmap_core.planner.tilt import SAME_TILT, keeps_tilt, tilt_and_yaw
+from hmap_core.planner.tilt import SAME_TILT, keeps_tilt, never_tilts, tilt_and_yaw
 from hmap_core.planner.tools import attach_tool, tools_of, with_tool_placed
-from hmap_core.types import Scene, SceneState, TaskMode
+from hmap_core.types import Goal, Scene, SceneState, TaskMode
 
 GOAL_POSES = 4  # last poses of the object's path at which the goal has to be within reach
 SAMPLINGS = 2  # of contacts without success, after which the goal counts as out of reach
@@ -55,6 +55,22 @@ def check_goal(context: SearchContext, task: PathTask) -> None:
     ) from failure
 
 
+def check_tilt(context: SearchContext, goal: Goal) -> None:
+    """Check whether the object has to be tilted, and some robot can.
+
+    Raises:
+        ContactError: OUT_OF_REACH; it has to, and all hands turn about the vertical only.
+    """
+    tilt = tilt_and_yaw(context.start.poses[goal.object], goal.pose)[0]
+    if tilt > goal.rotation_tolerance + SAME_TILT and never_tilts(context.scene):
+        raise ContactError(
+            f"the goal of '{goal.object}' is tilted by {np.degrees(tilt):.1f} deg from where it stands; allowed are "
+            f"{np.degrees(goal.rotation_tolerance):.1f} deg, for the hands of {', '.join(context.scene.robots)} "
+            "turn about the vertical only",
+            Code.OUT_OF_REACH,
+        )
+
+
 def check_start(context: SearchContext, task: PathTask) -> None:
     """Check whether a hand fits on the task's object where it starts, once no contact was found along a path.
 
@@ -86,7 +102,8 @@ def _ways_in(context: SearchContext, object: str, last_poses: np.ndarray) -> lis
     ways = [last_poses] * SAMPLINGS
     if context.scene.mode == TaskMode.KINEMATIC or np.ptp(last_poses[:, 2]) > LEVEL_PATH:
         return ways
-    for turn in [0.0, *context.rng.uniform(-np.pi, np.pi, TURNS)]:
+    turns = 0 if keeps_tilt(context.scene) else TURNS  # frames of arms with few joints are searched, which takes long
+    for turn in [0.0, *context.rng.uniform(-np.pi, np.pi, turns)]:
         ways += final_pushes(context.scene.bodies[object], about_vertical(last_poses[-1], turn), len(last_poses))
     return ways
 

@@ -60,8 +60,9 @@ class Search:
 
         Raises:
             PlannerError: no plan after ROUNDS paths, an obstacle that cannot be removed, time limit, cancel.
-            HmapError: another error that ends the job, such as an object without a path.
+            HmapError: another error that ends the job, such as an object without a path, or one that no robot can tilt.
         """
+        reachability.check_tilt(self.context, goal)
         blocked = 0
         for number in range(ROUNDS):
             outcome = self.round(Subgoal(goal), sequence, number)

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from hmap_core.kinematics.arm import ALL_DIRECTIONS, load_arm
-from hmap_core.transforms import inverse, multiply, quaternion_multiply
-from hmap_core.types import Goal, Scene
+from hmap_core.transforms import inverse, multiply, quaternion_multiply, rotation_matrix
+from hmap_core.types import Goal, Robot, Scene
 
+SAMPLES = 4  # configurations in which the axes of an arm are looked at
+UPRIGHT = 1.0 - 1e-9  # cosine of the angle with the vertical, above which an axis counts as vertical
 SAME_TILT = 1e-6  # rad up to which a tilt counts as kept
 
 
@@ -15,6 +17,20 @@ def keeps_tilt(scene: Scene) -> bool:
     """Whether no robot of a scene reaches every orientation: what they carry then keeps its roll and pitch."""
     arms = [load_arm(robot.model) for robot in scene.robots.values()]
     return bool(arms) and all(arm.mobility < ALL_DIRECTIONS for arm in arms)
+
+
+def never_tilts(scene: Scene) -> bool:
+    """Whether the hands of all robots of a scene turn about the vertical only; then what they move keeps its tilt."""
+    return bool(scene.robots) and all(_turns_upright(robot) for robot in scene.robots.values())
+
+
+def _turns_upright(robot: Robot) -> bool:
+    """Whether all turning joints of a robot have vertical axes, in all of some random configurations."""
+    arm = load_arm(robot.model)
+    lower, upper = robot.model.position_limits
+    samples = np.random.default_rng(0).uniform(lower, upper, (SAMPLES, arm.n))
+    axes = np.concatenate([arm.frames(q)[0][1:, :, 2][arm.prismatic == 0] for q in samples])
+    return bool(np.all(np.abs((axes @ rotation_matrix(robot.base_pose).T)[:, 2]) > UPRIGHT))
 
 
 def tilt_and_yaw(T0: np.ndarray, T1: np.ndarray) -> tuple[float, float]:

@@ -55,6 +55,7 @@ class ManipulationGraph:
         start: what has been done before.
         rng: the only source of randomness.
         carried: whether supports carry the object between two placements of the same height and tilt.
+        check_time: called again and again in a search; raises to end it.
 
     Attributes:
         nodes: the placements.
@@ -68,7 +69,9 @@ class ManipulationGraph:
         start: SolutionSequence,
         rng: np.random.Generator,
         carried: Carried = lambda a, b: True,
+        check_time: Callable[[], object] = lambda: None,
     ):
+        self._check_time = check_time
         self.nodes, self._grasps, self._rng, self._carried = placements, grasps, rng, carried
         self.reached = {START: start}
         self._edges: dict[tuple[int, int], Edge] = {}
@@ -107,6 +110,7 @@ class ManipulationGraph:
         Each of its edges has been checked at both ends.
         """
         while True:
+            self._check_time()
             way = self._shortest()
             if way is None:
                 return None

@@ -5,6 +5,7 @@ from hmap_core.planner.strategies.attached_tool import AttachedToolStrategy
 from hmap_core.planner.strategies.by_hand import ByHand, ByHandToTheEnd, ByHandWhereverItReaches
 from hmap_core.planner.strategies.carry_heavy import CarryHeavy
 from hmap_core.planner.strategies.carry_together import CarryTogether
+from hmap_core.planner.strategies.goal_check import GoalCheck
 from hmap_core.planner.strategies.hand_over import HandOver
 from hmap_core.planner.strategies.manipulation_graph import ManipulationGraphStrategy
 from hmap_core.planner.strategies.new_tool import NewTool
@@ -22,6 +23,7 @@ PATH_STRATEGIES = (
     CarryHeavy(),
     ObjectPathStrategy(),
     AttachedPathStrategy(),
+    GoalCheck(),
     PickAndPlace(),
     SlideFirst(),
     PushedPaths(),

@@ -87,7 +87,9 @@ class ManipulationGraphStrategy:
         def carried(a: Placement, b: Placement) -> bool:
             return carried_between(bare, state, object, a, b)
 
-        return ManipulationGraph([start, end, *placements], grasps, task.sequence, rng, carried), goal
+        return ManipulationGraph(
+            [start, end, *placements], grasps, task.sequence, rng, carried, context.time_left
+        ), goal
 
     def _plan(
         self, search: "Search", subgoal: Subgoal, sequence: SolutionSequence, hands: list[tuple[str, ContactPoint]]
