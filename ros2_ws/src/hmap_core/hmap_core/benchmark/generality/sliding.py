@@ -105,6 +105,42 @@ def box_round_corner(cell: Cell, draw: Sampler) -> None:
     cell.goal("box", goal, size[2] / 2, **TOLERANT)
 
 
+def card_over_edge(cell: Cell, draw: Sampler) -> None:
+    """Pick a thin card that lies flat on a slab, and put it on a narrow pedestal."""
+    card = (draw.uniform(0.08, 0.09), draw.uniform(0.1, 0.12), draw.uniform(0.004, 0.006))
+    top, higher, side = draw.uniform(0.16, 0.24), draw.uniform(0.04, 0.1), draw.side()
+    start = (draw.uniform(0.46, 0.52), side * draw.uniform(-0.1, -0.02))
+    cell.table().panda()
+    cell.box("slab", (0.4, 0.48, 0.04), (0.57, side * -0.04), top - 0.04, friction=0.5)
+    cell.box("foot", (0.2, 0.2, top - 0.04), (0.6, side * -0.04))
+    goal = (draw.uniform(0.42, 0.47), side * 0.42)
+    cell.box("pedestal", (card[0] - 0.04, card[1] - 0.04, top + higher), goal)
+    mass = draw.uniform(0.04, 0.08)
+    cell.block("card", card, start, top, draw.angle(-8, 8), mass=mass, friction=0.6, color=ORANGE)
+    cell.goal("card", goal, top + higher + card[2] / 2, tolerance=0.015, degrees=8.0)
+
+
+def peg_out_of_groove(cell: Cell, draw: Sampler) -> None:
+    """Take a peg out of a groove that is open at one end and as deep as the peg is high, and stand it elsewhere."""
+    wide, long, high = draw.uniform(0.035, 0.045), draw.uniform(0.09, 0.11), draw.uniform(0.03, 0.035)
+    gap, side = draw.uniform(0.002, 0.003), draw.side()
+    x, y = draw.uniform(0.5, 0.54), side * draw.uniform(0.08, 0.16)
+    cell.table().panda()
+    for name, sign in (("left", 1), ("right", -1)):
+        cell.box(f"rail_{name}", (long + 0.02, 0.06, high), (x, y + sign * (wide / 2 + gap + 0.03)))
+    cell.box("end", (0.02, wide + 2 * gap, high), (x + long / 2 + gap + 0.01, y))
+    cell.block("peg", (long, wide, high), (x, y), mass=draw.uniform(0.1, 0.2), friction=0.6, color=ORANGE)
+    cell.goal("peg", (draw.uniform(0.44, 0.5), -side * draw.uniform(0.12, 0.2)), high / 2, tolerance=0.01)
+
+
 FAMILIES = solvable(
-    disc_on_table, plate_on_table, along_wall, book_out_of_row, book_sticks_out, peg_in_hole, box_round_corner
+    disc_on_table,
+    plate_on_table,
+    along_wall,
+    book_out_of_row,
+    book_sticks_out,
+    peg_in_hole,
+    box_round_corner,
+    card_over_edge,
+    peg_out_of_groove,
 )
