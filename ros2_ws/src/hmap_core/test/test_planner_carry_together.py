@@ -169,3 +169,56 @@ def test_pairs_are_apart_and_unlike(scene_of):
         assert pair.robots == ("left", "right") and 0.0 <= pair.share <= 1.0
         a, b = (contact.T_obj_ee[:3] for contact in pair.contacts)
         assert np.linalg.norm(a - b) > 0.1
+
+
+LEVEL = """
+schema: 1
+description: A bar is brought to another place on a table by two arms.
+mode: physical
+fixed:
+  table: {{shape: box, size: [2.4, 2.6, 0.1], pose: {{xyz: [0.4, 0, -0.05]}}}}
+movable:
+  bar:
+    {{shape: box, size: [0.05, 0.8, 0.05], pose: {{xyz: [0.42, 0, 0.025]}}, mass: {mass}, friction: {friction}{more}}}
+{others}
+robots:
+  left: {{model: panda, base: {{xyz: [0, 0.4, 0]}}}}
+  right: {{model: panda, base: {{xyz: [0, -0.4, 0]}}}}
+goal: {{object: bar, pose: {{xyz: [0.58, 0, 0.025]}}}}
+removable: {{{removable}}}
+"""
+CAN = "  can: {shape: cylinder, size: [0.025, 0.08], pose: {xyz: [{at}]}, mass: 0.1, friction: 0.7}"
+AT_THE_ENDS = ", graspable: [{lower: [-0.03, -0.41, -0.03], upper: [0.03, -0.25, 0.03]}, \
+{lower: [-0.03, 0.25, -0.03], upper: [0.03, 0.41, 0.03]}]"
+
+
+def level(folder, mass=4.0, friction=0.9, more="", can=""):
+    """A bar on a table, with a can somewhere (x, y, z) that may be moved."""
+    others = CAN.replace("{at}", can) if can else ""
+    file = folder / "level.yaml"
+    file.write_text(
+        LEVEL.format(mass=mass, friction=friction, more=more, others=others, removable="can: {}" if can else "")
+    )
+    return load_scene(str(file))
+
+
+@pytest.mark.parametrize("can", ["0.42, 0, 0.09", "0.58, 0.05, 0.04"], ids=["on the bar", "at its goal"])
+def test_what_is_in_the_way_of_the_two_arms_is_removed_first(tmp_path, can):
+    plan = planner.plan(level(tmp_path, can=can), seed=0)
+    first = next(s for s in plan.segments if s.kind != SegmentKind.TRANSIT)
+    assert first.object == "can" and plan.stats["removals"] == 1
+    assert {s.robot for s in plan.segments if s.object == "bar"} == {"left", "right"}
+
+
+def test_a_light_bar_that_would_turn_between_the_fingers_is_carried_by_two_arms(tmp_path):
+    scene = level(tmp_path, mass=1.6, friction=0.9, more=AT_THE_ENDS)
+    ends = scene.bodies["bar"].pose, scene.goal.pose
+    grasps = SharedGrasps(scene, scene.start_state(), "bar", ends, np.random.default_rng(0))
+    assert not grasps.alone() and grasps.promising()
+
+
+def test_a_bar_that_slips_out_of_one_gripper_is_held_by_two(tmp_path):
+    scene = level(tmp_path, mass=2.9, friction=0.3)  # below the payload of one arm
+    ends = scene.bodies["bar"].pose, scene.goal.pose
+    grasps = SharedGrasps(scene, scene.start_state(), "bar", ends, np.random.default_rng(0))
+    assert not grasps.alone() and grasps.promising()

@@ -11,6 +11,7 @@ from hmap_core.contacts.feasibility import carried, reachable, stretches
 from hmap_core.contacts.shared_load import pairs_hold
 from hmap_core.exceptions import MotionError
 from hmap_core.kinematics.arm import load_arm
+from hmap_core.planner.contact_checker import secure_grasps
 from hmap_core.planner.interfaces import RobotContact
 from hmap_core.planner.manipulation_graph.grasp_sets import GraspSet, grasp_sets
 from hmap_core.planner.tools import TURN_LENGTH
@@ -84,8 +85,10 @@ class SharedGrasps:
     def alone(self) -> bool:
         """Whether one of the robots has a grasp that serves at both ends without the help of another one."""
         for name, own in self._sets.items():
-            alone = GraspSet(name, [own.contacts[k] for k in self._serving[name]], own.manipulation)
-            if (alone.serves(self._ends[0]) & alone.serves(self._ends[1])).any():
+            contacts = [own.contacts[k] for k in self._serving[name]]
+            for T in self._ends:
+                contacts = secure_grasps(self._scene, self._object, name, contacts, T)
+            if contacts:
                 return True
         return False
 

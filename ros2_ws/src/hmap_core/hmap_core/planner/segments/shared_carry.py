@@ -1,8 +1,9 @@
 """Two robots carry one object by two grasps: a closed chain, planned over the joints of both arms."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -29,7 +30,11 @@ from hmap_core.transforms import consistent, distance, inverse, multiply, multip
 from hmap_core.types import Scene, SceneState, Segment, SegmentKind, Trajectory
 
 TORN = (5e-4, float(np.deg2rad(0.25)))  # m, rad by which a hand may move against the other; the judge allows twice that
+SHARED_FINENESS = (*FINENESS, 0.1)  # shares of the step along the object's path that are tried
 CARRYING = 1 | VERIFIED_ONLY  # phases of the closed chain, for verification
+
+
+Planned = TypeVar("Planned")
 
 
 def carry_together(
@@ -56,19 +61,47 @@ def carry_together(
     Raises:
         MotionError: NO_MOTION.
     """
-    deadline, motions = time.monotonic() + time_limit, MotionSequence(state)
-    grasped: list[RobotContact] = []
-    for contact in contacts:
-        coming = come(scene, motions.state, contact, object, rng, deadline - time.monotonic(), find)
-        motions.add(_held(scene, coming, object, grasped))
-        grasped.append(_as_grasped(scene, motions.state, object, contact))
+    deadline = time.monotonic() + time_limit
+
+    def both_come(order: Sequence[RobotContact]) -> tuple[MotionSequence, list[RobotContact]]:
+        motions, grasped = MotionSequence(state), []
+        away = [name for contact in contacts for name in contact.clear if name != order[0].robot]
+        for contact in order:
+            contact = replace(contact, clear=() if grasped else tuple(away))
+            coming = come(scene, motions.state, contact, object, rng, deadline - time.monotonic(), find)
+            motions.add(_held(scene, coming, object, grasped))
+            grasped.append(_as_grasped(scene, motions.state, object, contact))
+        return motions, grasped
+
+    motions, grasped = _first_order(contacts, both_come)
     motions.add(_closed_chain(scene, motions.state, object, grasped, object_poses))
-    while grasped:
-        first, *grasped = grasped
-        released = replace(first, keyframes=motions.state.q[first.robot][None], reach=0)
-        leaving = leave(scene, motions.state, released, object)
-        motions.add(_held(scene, leaving, object, grasped))
+
+    def both_leave(order: Sequence[RobotContact]) -> list[SubTrajectory]:
+        last, found = MotionSequence(motions.state), []
+        for k, contact in enumerate(order):
+            released = replace(contact, keyframes=last.state.q[contact.robot][None], reach=0)
+            found.append(_held(scene, leave(scene, last.state, released, object), object, order[k + 1 :]))
+            last.add(found[-1])
+        return found
+
+    for leaving in _first_order(grasped, both_leave):
+        motions.add(leaving)
     return motions.joined()
+
+
+def _first_order(contacts: Sequence[RobotContact], plan: Callable[[Sequence[RobotContact]], Planned]) -> Planned:
+    """What can be planned for the contacts in the first order that works.
+
+    Raises:
+        MotionError: no order works.
+    """
+    failure = MotionError("no order was tried")
+    for order in (contacts, contacts[::-1]):
+        try:
+            return plan(order)
+        except MotionError as error:
+            failure = error
+    raise failure
 
 
 def _held(scene: Scene, motion: SubTrajectory, object: str, holders: Sequence[RobotContact]) -> SubTrajectory:
@@ -90,7 +123,7 @@ def _closed_chain(
 ) -> SubTrajectory:
     """The motion of the closed chain, with finer steps where coarse ones tear the grasps or hit something."""
     failure = MotionError("no fineness was tried")
-    for fineness in FINENESS:
+    for fineness in SHARED_FINENESS:
         try:
             path = _solved(scene, state, object, contacts, object_poses, fineness)
             return _timed(scene, state, object, contacts, path)

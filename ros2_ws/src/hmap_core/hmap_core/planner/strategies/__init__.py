@@ -30,9 +30,9 @@ PATH_STRATEGIES = (
     PushedOn(),
     PressedPath(),
     StartCheck(),  # what follows begins with a grasp, a push or a press
+    CarryTogether(),
     ManipulationGraphStrategy(),
     HandOver(),
-    CarryTogether(),
 )
 # at one waypoint, with all bodies where they are; they solve the relaxed problem, too
 CONTACT_STRATEGIES = (ByHandToTheEnd(), AttachedToolStrategy(), ByHand(), NewTool(), ByHandWhereverItReaches())
