@@ -45,7 +45,7 @@ def generate_launch_description() -> LaunchDescription:
         _node("perception", [clock], condition=IfCondition(value["simulate"]), respawn=True),
         _node("perception", [clock, scene], condition=UnlessCondition(value["simulate"]), respawn=True),
         _node("recorder", [clock, bag], condition=IfCondition(value["record"])),
-        _node("supervisor", [clock, {"service_patience": RESPAWN_PATIENCE}]),
+        _node("supervisor", [clock, {"service_patience": RESPAWN_PATIENCE, "state_patience": RESPAWN_PATIENCE}]),
         *[_node(name, [], respawn=True) for name in PLANNERS],
     ]
     declared = [DeclareLaunchArgument(name, default_value=d, description=text) for name, (d, text) in ARGUMENTS.items()]

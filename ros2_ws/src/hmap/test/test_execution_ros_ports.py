@@ -176,7 +176,7 @@ def over_ros(monkeypatch):
     def stage_of(plan):
         graph = Graph(plan.scene)
         scene_monitor = SceneMonitor(graph, stale_after=PATIENCE)
-        controllers = Controllers(graph, NAMING, PATIENCE)
+        controllers = Controllers(graph, NAMING, scene_monitor)
         scene_monitor.on_change(controllers.news.set)
         graph.start()
         ports = ros_ports(controllers, scene_monitor, PATIENCE)

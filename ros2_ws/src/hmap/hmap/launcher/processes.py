@@ -65,7 +65,8 @@ class NodeProcess:
         if self.name == "recorder" and "path" in parameters:
             parameters["path"] = self.bag(self.starts)
         if self.name == "supervisor":
-            parameters.setdefault("service_patience", RESPAWN_PATIENCE)
+            for name in ("service_patience", "state_patience"):
+                parameters.setdefault(name, RESPAWN_PATIENCE)
         command = node_command(self.name, _assignments(parameters))
         if spare is not None:
             spare.run(self.name, command[NODE_ARGUMENTS:], self.log)

@@ -19,7 +19,8 @@ from hmap.naming import Naming
 from hmap.node import LATCHED, HmapNode, run
 from hmap.remote_components import remote_components
 from hmap.requests import OFFERED_BY, Caller, time_limit
-from hmap.supervision.controllers import Controllers
+from hmap.supervision.controllers import CONTROLLER_TIMEOUT, START_TOLERANCE, Controllers
+from hmap.supervision.gripper_position import DESCRIPTION, GAP, PARAMETER, GripperPosition
 from hmap.supervision.markers import markers_of
 from hmap.supervision.ports import ros_ports
 from hmap.supervision.scene_monitor import SceneMonitor
@@ -28,6 +29,7 @@ from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import Code, ExecutionError, HmapError, InputError, PlannerError
 from hmap_core.execution.plan_executor import PlanExecutor
 from hmap_core.execution.recovery import RecoveryPolicy, ReplanRequest
+from hmap_core.execution.stretches import check_executable
 from hmap_core.planner import HmapPlanner, ManipulationPlanner, plugins
 from hmap_core.planner.interfaces import ToolGrasp
 from hmap_core.planner.repair import plan_anew, rehearse
@@ -110,7 +112,12 @@ class Supervisor(HmapNode):
         self._status_topic = self.create_publisher(PlannerStatus, "planner_status", LATCHED)
         self._scene_monitor = SceneMonitor(self, stale)
         self._remote = Caller(self, self._patience, OFFERED_BY)
-        self._controllers = Controllers(self, self._naming, self._patience)
+        text = "s after which a controller that is not there, does not answer, or does not move is lost"
+        timeout = self.parameter("controller_timeout", CONTROLLER_TIMEOUT, text, 0.1, 3600.0)
+        text = "rad that a joint may be measured off the start of a trajectory that is sent"
+        tolerance = self.parameter("start_tolerance", START_TOLERANCE, text, 1e-4, 1.0)
+        position = GripperPosition(self.parameter(PARAMETER, GAP, DESCRIPTION))
+        self._controllers = Controllers(self, self._naming, self._scene_monitor, timeout, tolerance, position)
         self._scene_monitor.on_change(self._controllers.news.set)
         self._turn, self._jobs = threading.Lock(), threading.Lock()
         self._job: Job | None = None
@@ -167,9 +174,13 @@ class Supervisor(HmapNode):
         if job.goal.plan_only:
             self._compare(job, plan.scene.goal, plan.trajectory.objects[plan.scene.goal.object][-1])
             return
-        job.result.executed = True
+        check_executable(plan)
         threading.Thread(target=self._rehearse, args=(plan,), name="rehearsal", daemon=True).start()
-        report = self._executor(job).run(plan, lambda request: self._replan(job, request, limit), self._policy)
+        before = self._controllers.accepted
+        try:
+            report = self._executor(job).run(plan, lambda request: self._replan(job, request, limit), self._policy)
+        finally:
+            job.result.executed = self._controllers.accepted > before
         job.result.position_error = report.goal_error.position_m
         job.result.rotation_error = float(np.deg2rad(report.goal_error.rotation_deg))
         if report.error is not None:

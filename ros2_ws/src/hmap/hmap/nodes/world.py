@@ -16,6 +16,7 @@ from hmap.conversions import body_from_message, scene_to_message, state_to_messa
 from hmap.heartbeats import MOTION_LEASE, Heartbeat
 from hmap.naming import Naming
 from hmap.node import LATCHED, HmapNode, run
+from hmap.supervision.gripper_position import DESCRIPTION, GAP, PARAMETER, GripperPosition
 from hmap.world.actions import ControllerActions
 from hmap.world.cameras import CameraPublisher
 from hmap.world.loop import WorldLoop
@@ -53,6 +54,7 @@ class WorldNode(HmapNode):
         self._camera_period = self.parameter(
             "camera_period", 4.0, "simulated s between pictures, taken when something has moved; 0: on demand", 0.0, 1e6
         )
+        self._gripper_position = GripperPosition(self.parameter(PARAMETER, GAP, DESCRIPTION))
         about = "whether bodies of the service add_body are in `scene`; false: only cameras see them"
         self._announce = self.parameter("announce_added", True, about)
         self._clock_topic = self.create_publisher(Clock, "clock", 10)
@@ -148,7 +150,8 @@ class WorldNode(HmapNode):
         if self._cameras:  # between two pictures, because the simulation thread takes them
             self._loop.call(self._destroy_cameras)
         self._actions = {
-            name: ControllerActions(self, self._loop, self._naming, robot) for name, robot in scene.robots.items()
+            name: ControllerActions(self, self._loop, self._naming, robot, self._gripper_position)
+            for name, robot in scene.robots.items()
         }
         self._cameras = {
             name: CameraPublisher(self, camera, self._naming.camera(name)) for name, camera in scene.cameras.items()

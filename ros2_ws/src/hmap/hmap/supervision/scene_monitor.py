@@ -108,6 +108,16 @@ class SceneMonitor:
         self._problems.update("object_clouds", problems)
         return found
 
+    def newest(self) -> tuple[float, SceneState] | None:
+        """The newest stamp (s) and state; None where none has arrived for too long."""
+        with self._news:
+            return self._fresh()
+
+    def _fresh(self) -> tuple[float, SceneState] | None:
+        self._clock.now()
+        arrived = time.monotonic() - self._arrived <= self._stale_after
+        return self._states.newest() if arrived else None
+
     def state(self, patience: float, after: float = -float("inf")) -> tuple[float, SceneState]:
         """The newest stamp (s) and state; waits for one that is fresh and has a stamp later than ``after``.
 
@@ -118,10 +128,8 @@ class SceneMonitor:
         until = time.monotonic() + patience
 
         def fresh() -> tuple[float, SceneState] | None:
-            self._clock.now()
-            newest = self._states.newest()
-            arrived = time.monotonic() - self._arrived <= self._stale_after
-            return newest if newest is not None and newest[0] > after and arrived else None
+            newest = self._fresh()
+            return newest if newest is not None and newest[0] > after else None
 
         with self._news:
             self._wait(lambda: fresh() is not None, until)

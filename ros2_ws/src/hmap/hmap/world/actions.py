@@ -7,6 +7,7 @@ from rclpy.action.server import ServerGoalHandle
 
 from hmap.naming import Naming
 from hmap.node import HmapNode
+from hmap.supervision.gripper_position import GripperPosition
 from hmap.world.loop import Motion, WorldLoop
 from hmap_core.exceptions import HmapError, InputError
 from hmap_core.simulation.controllers import Outcome, Tolerances
@@ -38,10 +39,13 @@ class ControllerActions:
         loop: the simulation.
         naming: names of joints and actions.
         robot: the robot.
+        gripper_position: what the positions of gripper commands mean.
     """
 
-    def __init__(self, node: HmapNode, loop: WorldLoop, naming: Naming, robot: Robot):
-        self._node, self._loop, self._robot = node, loop, robot
+    def __init__(
+        self, node: HmapNode, loop: WorldLoop, naming: Naming, robot: Robot, gripper_position: GripperPosition
+    ):
+        self._node, self._loop, self._robot, self._gripper_position = node, loop, robot, gripper_position
         self._joints = dict(zip(naming.arm_joints(robot.name, robot.model), robot.model.joint_names, strict=True))
         self._servers = [
             self._server(FollowJointTrajectory, naming.arm_action(robot.name), self._follow),
@@ -111,11 +115,12 @@ class ControllerActions:
         return np.array([value if value > 0.0 else np.inf for value in values])
 
     def _grip(self, handle: ServerGoalHandle) -> GripperCommand.Result:
-        command = handle.request.command
+        command, gripper = handle.request.command, self._robot.model.require_gripper()
         try:
             if not np.isfinite(command.max_effort):
                 raise InputError(f"gripper max_effort {command.max_effort} N; it has to be finite")
-            motion = self._loop.grip(self._robot.name, command.position, max(0.0, command.max_effort))
+            opening = self._gripper_position.opening(gripper, command.position)
+            motion = self._loop.grip(self._robot.name, opening, max(0.0, command.max_effort))
         except HmapError as error:
             self._node.get_logger().warning(str(error))
             handle.abort()
@@ -123,7 +128,8 @@ class ControllerActions:
         self._wait(handle, motion, lambda: self._loop.cancel_gripper(self._robot.name), None)
         result = GripperCommand.Result()
         if motion.state is not None:
-            result.position, result.effort = float(motion.state.opening), float(motion.state.effort)
+            result.position = self._gripper_position.position(gripper, float(motion.state.opening))
+            result.effort = float(motion.state.effort)
         result.stalled = motion.outcome is Outcome.STALLED
         result.reached_goal = motion.outcome is Outcome.SUCCEEDED
         _end(handle, motion)

@@ -23,6 +23,7 @@ from hmap_core.trajectory.samples import poses_at
 from hmap_core.types import BodyKind, Plan
 
 SLIP = DriftTolerance(0.004, float(np.deg2rad(3.0)))  # of a tool in the fingers; beyond, the hand does not keep it
+STOPPED_ON_THE_WAY = (Code.TRACKING_LOST, Code.STALE_STATE)  # after these a hand brings back what it carries
 PLACE_LIMIT = 20.0  # s to plan how a tool is placed
 
 Progress = Callable[[float, float, str], None]  # planned time now and at the end (s), what is being done
@@ -133,11 +134,12 @@ class PlanExecutor:
     def _new_plan(self, following: Following, failure: ExecutionError, recovery: Recovery) -> Plan | None:
         """Free the hands and ask for a new plan.
 
-        A robot that is blocked brings what it carries back along the plan to where that stood. What slipped or fell is
-        let go where it is.
+        A robot that is blocked, or not seen any more, brings what it carries back along the plan to where that stood.
+        What slipped or fell is let go where it is.
 
         Raises:
             ExecutionError: a body is lost on the way, or the way back is blocked as well: then the hand keeps it.
+            InputError: STALE_STATE; nothing is measured any more.
             PlannerError: CANCELED.
         """
         plan, tools = following.plan, {}
@@ -145,7 +147,9 @@ class PlanExecutor:
             tools = self._kept_tools(following)
         if not (isinstance(failure, Blocked) or tools):
             self._ports.controllers.stop()
-            if not self._free_tools(plan, following.sample) and failure.code is Code.TRACKING_LOST:
+            if failure.code is Code.STALE_STATE:
+                self._ports.observation.state()  # hands keep what they hold until the world is seen again
+            if not self._free_tools(plan, following.sample) and failure.code in STOPPED_ON_THE_WAY:
                 following.back_off()
             self._hands.let_go(plan)
         new = recovery.new_plan(failure, plan, lambda: self._hands.start_state(plan, following.sample), tools.values())

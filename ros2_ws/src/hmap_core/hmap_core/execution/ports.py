@@ -62,8 +62,9 @@ class ControllerPort(Protocol):
             start: s of the controller's clock from which the times count, those in the past left out; None: now.
 
         Raises:
-            InputError: the trajectory is malformed or starts elsewhere.
-            ExecutionError: SERVICE_UNAVAILABLE; there is no such controller.
+            InputError: the trajectory is malformed or starts elsewhere; STALE_STATE, the robot is not measured.
+            ExecutionError: SERVICE_UNAVAILABLE, there is no such controller; TRACKING_LOST, the robot is measured
+                elsewhere than where the trajectory starts.
         """
 
     def common_start(self) -> float | None:
@@ -98,7 +99,8 @@ class ControllerPort(Protocol):
 
         Raises:
             PlannerError: CANCELED; the commands were stopped.
-            ExecutionError: TRACKING_LOST; one failed or hangs, and the others were stopped.
+            ExecutionError: TRACKING_LOST, one failed or hangs; CONTROLLER_LOST, one does not answer or does not move;
+                STALE_STATE, the world is not measured any more. The others were stopped.
         """
 
     def stop(self) -> None:

@@ -12,7 +12,12 @@ from hmap_core.execution.report import Replan
 from hmap_core.planner.interfaces import ToolGrasp
 from hmap_core.types import Plan, Scene, SceneState
 
-RECOVERABLE = (Code.TRACKING_LOST, Code.GOAL_MISSED, Code.OBJECT_DROPPED)  # after which another plan may do
+RECOVERABLE = (
+    Code.TRACKING_LOST,
+    Code.GOAL_MISSED,
+    Code.OBJECT_DROPPED,
+    Code.STALE_STATE,
+)  # after which another plan may do
 NO_PLAN = (
     Code.START_IN_COLLISION,
     Code.GOAL_IN_COLLISION,
