@@ -126,6 +126,14 @@ class Latest(Generic[T]):
         self._follow_clock()
         return min(self._entries, key=lambda entry: abs(entry[0] - stamp))[1] if self._entries else None
 
+    def within(self, period: float) -> list[T]:
+        """The values of the last ``period`` (s) before the newest one, in the order of their stamps."""
+        self._follow_clock()
+        if not self._entries:
+            return []
+        since = self._entries[-1][0] - period
+        return [value for _, value in self._entries[bisect.bisect_left(self._entries, since, key=_stamp) :]]
+
     def clear(self) -> None:
         """Drop all measurements."""
         self._entries, self._late = [], None

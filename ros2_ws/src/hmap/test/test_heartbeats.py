@@ -9,6 +9,7 @@ import time
 
 import pytest
 import rclpy
+from action_msgs.srv import CancelGoal
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
@@ -17,6 +18,7 @@ from hmap.heartbeats import MOTION_LEASE, Heartbeat, runs_already
 from hmap.node import HmapNode
 from hmap.requests import Caller
 from hmap.spinning import Spinner
+from hmap.supervision.watchdog import MotionWatchdog
 from hmap_core.exceptions import Code, PlannerError
 from hmap_msgs.srv import PlanWaypoints
 
@@ -24,7 +26,7 @@ os.environ["ROS_DOMAIN_ID"] = str(120 + os.getpid() % 100)  # each process of te
 NAMESPACE = "/heartbeats"
 ROLE, SERVICE = "waypoint_planner", "plan_waypoints"
 LIMIT = 60.0  # s on a busy machine
-SOON = 8.0  # s in which a node that has died is named on a busy machine, far less than DDS takes
+SOON = 15.0  # s in which a node that has died is named on a busy machine, less than DDS takes
 STAND_IN = """
 import sys, time
 import rclpy
@@ -140,6 +142,27 @@ def test_a_planner_that_is_started_anew_is_asked_again_at_once(node, stand_in):
     stand_in(ROLE, "answers")
     thread.join(LIMIT)
     assert isinstance(found[0], PlanWaypoints.Response)
+
+
+def test_the_arms_are_told_to_stop_when_the_supervisor_dies(node, stand_in):
+    asked, warned = threading.Event(), []
+    action = "arm/follow_joint_trajectory"
+
+    def cancel(request, response):
+        if not any(request.goal_info.goal_id.uuid):  # all goals
+            asked.set()
+        return response
+
+    node.create_service(CancelGoal, f"{action}/_action/cancel_goal", cancel, callback_group=node.group)
+    watchdog = MotionWatchdog(NAMESPACE, warned.append)
+    watchdog.watch([action])
+    process = stand_in("supervisor", "answers")
+    until(lambda: watchdog._heartbeat.alive == 1 and watchdog._clients[action].service_is_ready())
+    assert not asked.is_set()
+    process.kill()
+    assert asked.wait(10.0 * MOTION_LEASE)
+    watchdog.close()
+    assert warned == [f"no supervisor lives any more; told to stop: {action}"]
 
 
 def test_a_planner_that_is_not_there_is_named(node):

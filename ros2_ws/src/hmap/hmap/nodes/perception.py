@@ -21,6 +21,8 @@ from hmap.node import LATCHED, HmapNode, run
 from hmap.perception.detected_objects import DetectedObjects
 from hmap.perception.fusion import Fusion
 from hmap.perception.pictures import Picture, PictureParts
+from hmap.perception.pose_filter import POSE_NOISE
+from hmap.supervision.watchdog import MotionWatchdog
 from hmap_core.contacts.camera import Cloud
 from hmap_core.contacts.cloud import cloud_from_depth, merge_clouds
 from hmap_core.exceptions import Code, InputError
@@ -58,7 +60,7 @@ class Perception(HmapNode):
 
     def __init__(self):
         super().__init__("perception")
-        self._naming = Naming(self, "arm_joint", "finger_joint", "camera", "body_pose")
+        self._naming = Naming(self, "arm_joint", "finger_joint", "arm_action", "camera", "body_pose")
         task = self.parameter("task", "", "task whose scene is seen; empty: the scene that is published on `scene`")
         seed = self.parameter("seed", 0, "of its randomisation", 0, 2**31 - 1)
         rate = self.parameter("rate", 10.0, "of world_state, Hz of real time", 0.1, 1000.0)
@@ -66,6 +68,9 @@ class Perception(HmapNode):
         self._stale_after = self.parameter("stale_after", 1.0, text, 0.01, 3600.0)
         frames = "accepted frame_ids of body poses, which all have to mean the world frame"
         self._frames = set(self.parameter("pose_frames", ["world", "vicon"], frames))
+        text = "m, standard deviation of measured positions; poses of bodies that stand are averaged; 0: they are not"
+        self._noise = self.parameter("pose_noise", POSE_NOISE, text, 0.0, 0.1)
+        self._watchdog = MotionWatchdog(self.get_namespace(), self.get_logger().warning)
         self._sensor_clock = ReceiverClock(self.now, self._stale_after)
         self._restarts = 0  # of the clock, that are dealt with
         self._state = self.create_publisher(WorldState, "world_state", 10)
@@ -89,6 +94,11 @@ class Perception(HmapNode):
             )
         self.every(1.0 / rate, self._publish_state)
 
+    def close(self) -> None:
+        """End the watchdog, too."""
+        super().close()
+        self._watchdog.close()
+
     # the scene
 
     def _take_scene(self, scene: Scene) -> None:
@@ -96,7 +106,8 @@ class Perception(HmapNode):
         models = {name: robot.model for name, robot in scene.robots.items()}
         arms = {name: self._naming.arm_joints(name, model) for name, model in models.items()}
         fingers = {name: self._naming.finger_joints(name, model) for name, model in models.items()}
-        fusion = Fusion(scene, arms, fingers, self._sensor_clock)
+        fusion = Fusion(scene, arms, fingers, self._sensor_clock, self._noise)
+        self._watchdog.watch([self._naming.arm_action(name) for name in scene.robots])
         if previous is not None and _bodies_changed(previous.fusion.scene, scene):
             fusion.copy_measurements(previous.fusion)
             previous.detected.scene = scene

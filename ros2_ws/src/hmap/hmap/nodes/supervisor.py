@@ -17,6 +17,7 @@ from hmap.conversions import known_object, plan_to_message
 from hmap.heartbeats import Heartbeat, runs_already
 from hmap.naming import Naming
 from hmap.node import LATCHED, HmapNode, run
+from hmap.perception.pose_filter import POSE_NOISE
 from hmap.remote_components import remote_components
 from hmap.requests import OFFERED_BY, Caller, time_limit
 from hmap.supervision.controllers import CONTROLLER_TIMEOUT, START_TOLERANCE, Controllers
@@ -110,7 +111,8 @@ class Supervisor(HmapNode):
         self._plan_topic = self.create_publisher(PlanMessage, "plan", LATCHED)
         self._markers = self.create_publisher(MarkerArray, "markers", LATCHED)
         self._status_topic = self.create_publisher(PlannerStatus, "planner_status", LATCHED)
-        self._scene_monitor = SceneMonitor(self, stale)
+        text = "m, standard deviation of measured positions; bodies within four of it of a support stand on it"
+        self._scene_monitor = SceneMonitor(self, stale, self.parameter("pose_noise", POSE_NOISE, text, 0.0, 0.1))
         self._remote = Caller(self, self._patience, OFFERED_BY)
         text = "s after which a controller that is not there, does not answer, or does not move is lost"
         timeout = self.parameter("controller_timeout", CONTROLLER_TIMEOUT, text, 0.1, 3600.0)

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from hmap.perception.pose_filter import POSE_NOISE, WINDOW, filtered
 from hmap_core.exceptions import Code, InputError
 from hmap_core.types import BodyKind, Scene, SceneState
 from hmap_msgs_py.checks import joint_readings, poses
@@ -21,6 +22,7 @@ class Fusion:
         arm_joints: robot -> names of its arm's joints in the joint states, base to tip.
         finger_joints: robot -> names of its gripper's joints there; empty without a gripper.
         clock: judges the stamps; None: they are only compared with each other.
+        noise: m, standard deviation of a measured position, see :mod:`hmap.perception.pose_filter`.
     """
 
     def __init__(
@@ -29,8 +31,9 @@ class Fusion:
         arm_joints: Mapping[str, list[str]],
         finger_joints: Mapping[str, list[str]],
         clock: ReceiverClock | None = None,
+        noise: float = POSE_NOISE,
     ):
-        self.scene = scene
+        self.scene, self._noise = scene, noise
         self._arm_joints, self._finger_joints = arm_joints, finger_joints
         self._lock = threading.Lock()
         self._clock = clock or ReceiverClock()
@@ -129,6 +132,7 @@ class Fusion:
         with self._lock:
             joints = {name: keeper.newest() for name, keeper in self._joints.items()}
             tracked = {name: keeper.newest() for name, keeper in self._poses.items()}
+            recent = {name: keeper.within(WINDOW) for name, keeper in self._poses.items()}
         missing = [name for measured in (joints, tracked) for name, entry in measured.items() if entry is None]
         if missing:
             raise InputError(f"not measured yet: {', '.join(missing)}", Code.STALE_STATE)
@@ -136,7 +140,7 @@ class Fusion:
         times += [(entry[0], f"body {name!r}") for name, entry in tracked.items() if entry is not None]
         time, name = min(times, default=(0.0, "nothing"))
         placed = {name: body.pose for name, body in self.scene.bodies.items()}
-        placed |= {name: entry[1] for name, entry in tracked.items() if entry is not None}
+        placed |= {name: filtered(poses, self._noise) for name, poses in recent.items()}
         values = {name: entry[1] for name, entry in joints.items() if entry is not None}
         q = {robot: _column(values, names, 0) for robot, names in self._arm_joints.items()}
         qd = {robot: _column(values, names, 1) for robot, names in self._arm_joints.items()}

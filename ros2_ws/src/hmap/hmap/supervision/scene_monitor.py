@@ -13,6 +13,7 @@ from hmap.problem_log import ProblemLog
 from hmap_core import transforms
 from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import Code, InputError, PlannerError
+from hmap_core.stability.supports import on_supports
 from hmap_core.types import Body, BodyKind, Scene, SceneState
 from hmap_msgs.msg import BodyArray, ObjectClouds, WorldState
 from hmap_msgs.msg import Scene as SceneMessage
@@ -32,12 +33,13 @@ CLOUDS_AHEAD = 60.0  # s, the same for clouds, which come rarely, so that each o
 class SceneMonitor:
     """Follows ``scene``, ``new_object``, ``world_state`` and ``object_clouds``."""
 
-    def __init__(self, node: HmapNode, stale_after: float):
+    def __init__(self, node: HmapNode, stale_after: float, noise: float = 0.0):
         """
         Args:
             stale_after: s; a state that arrived longer ago is none.
+            noise: m, standard deviation of measured positions, see :mod:`hmap_core.stability.supports`.
         """
-        self._node, self._stale_after = node, stale_after
+        self._node, self._stale_after, self._noise = node, stale_after, noise
         self._news = threading.Condition()
         self._base: Scene | None = None  # as `scene` tells
         self._text = ""  # of it
@@ -146,6 +148,7 @@ class SceneMonitor:
 
         The newest state is not enough when a motion has just ended: it may be of before the end. So the first look is
         at a state of later than now. A clock that comes in steps may still be behind, hence the look at what moves.
+        Bodies that stand on something within the noise of the measurement stand exactly there.
 
         Raises:
             InputError, PlannerError: as :meth:`state`, with ``patience`` for each look.
@@ -156,7 +159,8 @@ class SceneMonitor:
             stamp, state = self.state(patience, after=stamp + REST_PERIOD)
             if _at_rest(before, state):
                 break
-        return state
+        scene = self.scene()
+        return state if scene is None else on_supports(scene, state, self._noise)
 
     def wait_for_scene(self, task: str, seed: int, patience: float) -> Scene:
         """The scene, once it is that of the task.

@@ -1,0 +1,202 @@
+"""Each node is killed in turn, while a plan is made and while it is executed: solved or a coded error, no hang."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import no_traces, wait_until_up
+from sensor_msgs.msg import JointState
+
+from hmap.launcher.processes import Graph
+from hmap.session import Session
+from hmap_core.exceptions import Code, ExecutionError
+
+TASK = """
+schema: 1
+description: Carry a brick along a table.
+mode: physical
+fixed:
+  table: {shape: box, size: [2.4, 2.4, 0.1], pose: {xyz: [0, 0, -0.05]}}
+movable:
+  brick: {shape: box, size: [0.05, 0.05, 0.08], pose: {xyz: [0.5, -0.2, 0.04]}, mass: 0.3, friction: 0.6}
+robots:
+  arm: {model: panda, base: {xyz: [0, 0, 0], rpy_deg: [0, 0, 0]}}
+cameras:
+  overhead: {position: [1.1, 0.0, 1.4], look_at: [0.5, 0, 0]}
+goal: {object: brick, pose: {xyz: [0.5, 0.2, 0.04]}}
+"""
+NODES = ("recorder", "world", "komo_optimiser", "supervisor", "contact_proposer", "waypoint_planner", "perception")
+TIME_LIMIT = 240.0  # s for planning on a busy machine
+LIMIT = 300.0  # s for a goal; it hangs beyond
+PATIENCE = 0.1  # s between two looks
+STOPPED = 1.5  # s on a busy machine for the death of the supervisor to be noticed and for arms to brake
+STILL = 2e-3  # rad that an arm which stands is measured to move
+
+
+class Cell:
+    """A graph with the task loaded, and the arm's joints as they come."""
+
+    def __init__(self, folder: Path, graph: Graph, session: Session):
+        self.folder, self.graph, self.session = folder, graph, session
+        self.joints: list[tuple[float, np.ndarray]] = []
+        session.node.create_subscription(JointState, "joint_states", self._take, 10)
+
+    def _take(self, message: JointState) -> None:
+        self.joints.append((time.monotonic(), np.array(message.position)))
+
+    def moving(self) -> bool:
+        """Whether the arm has moved between the last measurements."""
+        return len(self.joints) > 5 and np.abs(self.joints[-1][1] - self.joints[-5][1]).max() > 10.0 * STILL
+
+    def kill(self, name: str) -> None:
+        os.killpg(self.graph.nodes[name].process.pid, signal.SIGKILL)
+
+    def goal(self, phase: str = "", then=lambda: None, **fields):
+        """The result of a goal; what is done once it is in a phase."""
+        done = threading.Event()
+
+        def look(feedback) -> None:
+            if feedback.phase == phase and not done.is_set():
+                done.set()
+                then()
+
+        self.session.manipulate(time_limit=TIME_LIMIT, on_feedback=look, **fields)
+        self._wait()
+        assert done.is_set() or not phase, f"there was no phase {phase!r}"
+        return self.session.result()
+
+    def goal_while_moving(self, then):
+        """The result of a goal; what is done once an arm moves."""
+        self.session.reset(60.0)
+        wait_until_up(self.graph, self.session)
+        self.joints.clear()
+        self.session.manipulate(time_limit=TIME_LIMIT)
+        until = time.monotonic() + LIMIT
+        while not self.moving():
+            assert time.monotonic() < until and not self.session.is_done(PATIENCE), self.session.result()
+        then()
+        self._wait()
+        return self.session.result()
+
+    def _wait(self) -> None:
+        until = time.monotonic() + LIMIT
+        while not self.session.is_done(timeout=PATIENCE):
+            assert time.monotonic() < until, f"hangs: {self.session.feedback()}"
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("faults")
+    task = folder / "brick.yaml"
+    task.write_text(TASK)
+    with Graph(folder / "logs") as graph, Session() as session:
+        cell = Cell(folder, graph, session)
+        parameters = {
+            "world": {"task": str(task), "seed": 0, "real_time_factor": 1.0},
+            "recorder": {"path": folder / "bag"},
+            "supervisor": {"replans": 4},
+        }
+        for name in NODES:
+            graph.start(name, parameters.get(name))
+        wait_until_up(graph, session)
+        yield cell
+    left = [node for node in graph.nodes.values() if node.process.poll() is None]
+    assert not left, "processes are left over"
+    assert no_traces(folder / "logs")
+
+
+def restarted(cell, name: str) -> bool:
+    until = time.monotonic() + LIMIT
+    while cell.graph.nodes[name].starts < 2:
+        assert time.monotonic() < until
+        time.sleep(PATIENCE)
+    return cell.graph.nodes[name].code is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "phase"),
+    [
+        ("waypoint_planner", "waypoints"),
+        ("contact_proposer", "contacts"),
+        ("komo_optimiser", "motion"),
+        ("recorder", "waypoints"),
+        ("perception", "waypoints"),
+    ],
+)
+def test_a_node_that_is_killed_while_a_plan_is_made_costs_only_time(cell, name, phase):
+    wait_until_up(cell.graph, cell.session)
+    cell.graph.nodes[name].starts = 1
+    result = cell.goal(phase, lambda: cell.kill(name), plan_only=True)
+    assert result.success, result.error
+    assert restarted(cell, name)
+    cell.graph.check()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["waypoint_planner", "contact_proposer", "komo_optimiser", "recorder", "perception"])
+def test_a_node_that_is_killed_while_an_arm_moves_does_not_end_the_run(cell, name):
+    cell.graph.nodes[name].starts = 1
+    result = cell.goal_while_moving(lambda: cell.kill(name))
+    assert result.success, result.error
+    assert result.executed and restarted(cell, name)
+    cell.graph.check()
+
+
+@pytest.mark.slow
+def test_a_second_supervisor_is_refused(cell):
+    done = subprocess.run(
+        [sys.executable, "-m", "hmap.nodes.supervisor"], capture_output=True, text=True, timeout=LIMIT
+    )
+    assert done.returncode == 2
+    assert "another supervisor runs on this cell already" in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.slow
+def test_nothing_moves_on_without_the_supervisor_and_its_end_is_named(cell):
+    """After those that need it."""
+    killed = []
+
+    def kill() -> None:
+        cell.kill("supervisor")
+        killed.append(time.monotonic())
+
+    result = cell.goal_while_moving(kill)
+    assert result.error.code is Code.NODE_LOST and "supervisor" in result.error.reason
+    time.sleep(2.0 * STOPPED)
+    late = [q for at, q in cell.joints if at > killed[0] + STOPPED]
+    assert len(late) > 5 and np.ptp(late, axis=0).max() < STILL
+    with pytest.raises(ExecutionError, match="the node supervisor ended with exit code -9") as error:
+        cell.graph.check()
+    assert error.value.code is Code.NODE_LOST
+
+
+def children(pid: int) -> dict[str, int]:
+    """The processes that a process has started, by name."""
+    found = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    return {Path(f"/proc/{child}/comm").read_text().strip(): int(child) for child in found}
+
+
+@pytest.mark.slow
+def test_up_ends_with_the_name_of_the_world_that_died_and_leaves_nothing_behind(tmp_path):
+    command = [str(Path(sys.executable).with_name("hmap")), "up", "published/bolt", "--out", str(tmp_path)]
+    up = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    lines = []
+    for line in up.stderr:
+        lines.append(line)
+        if "] up" in line:
+            break
+    nodes = children(up.pid)
+    os.kill(nodes["world"], signal.SIGKILL)
+    _, rest = up.communicate(timeout=LIMIT)
+    text = "".join(lines) + rest
+    assert up.returncode == 1 and "execution/NODE_LOST" in text and "the node world ended with exit code -9" in text
+    assert "Traceback" not in text
+    time.sleep(0.5)
+    assert not [name for name, pid in nodes.items() if os.path.exists(f"/proc/{pid}")]
