@@ -45,9 +45,9 @@ class Cell:
     def __init__(self, folder: Path, graph: Graph, session: Session):
         self.folder, self.graph, self.session = folder, graph, session
         self.joints: list[tuple[float, np.ndarray]] = []
-        session.node.create_subscription(JointState, "joint_states", self._take, 10)
+        session.node.create_subscription(JointState, "joint_states", self._note, 10)
 
-    def _take(self, message: JointState) -> None:
+    def _note(self, message: JointState) -> None:
         self.joints.append((time.monotonic(), np.array(message.position)))
 
     def moving(self) -> bool:
