@@ -12,8 +12,11 @@ from hmap.requests import error_from_message
 from hmap_core.exceptions import Code, ExecutionError, HmapError, PlannerError
 from hmap_core.types import Plan
 from hmap_msgs.action import Manipulate
+from hmap_msgs.msg import PlannerStatus
 from hmap_msgs_py.plans import statistics_from_messages
 
+RESULT_REPEAT = 5.0  # s after the last feedback in which the result is not there; it is asked for again
+ENDED = (PlannerStatus.DONE, PlannerStatus.FAILED)  # phases after which a result comes
 ACCEPT_LIMIT = 30.0  # s for the supervisor to take a goal; it does so at once, unless the request went lost
 
 
@@ -100,6 +103,7 @@ class GoalInProgress:
         self._response: Manipulate.Result | None = None
         self._error: HmapError | None = None
         self._handle: Any = None
+        self._ended_at: float | None = None  # s of the steady clock; when feedback said so
         self._cancel = False
         self._lock = threading.Lock()
         self._sent = time.monotonic()
@@ -119,6 +123,9 @@ class GoalInProgress:
             self._notify()
         elif not server_is_ready:
             self._end("the supervisor went away before the goal had ended")
+        elif self._ended_at is not None and time.monotonic() - self._ended_at > RESULT_REPEAT:
+            self._ended_at = time.monotonic()  # the response was lost, as may happen when processes are killed
+            self._handle.get_result_async().add_done_callback(self._answered)
         elif self._handle is None and time.monotonic() - self._sent > ACCEPT_LIMIT:
             self._end(f"the supervisor did not take the goal within {ACCEPT_LIMIT:g} s")
 
@@ -174,6 +181,8 @@ class GoalInProgress:
         self.feedback = Feedback(
             status.phase, status.waypoint, status.waypoint_count, status.attempt, status.elapsed, status.text
         )
+        if status.phase in ENDED and self._handle is not None:
+            self._ended_at = time.monotonic()
         if self._on_feedback is not None:
             self._on_feedback(self.feedback)
         self._notify()

@@ -5,6 +5,9 @@ from collections.abc import Callable
 from contextlib import contextmanager
 
 from rclpy.executors import Executor, ExternalShutdownException, MultiThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+
+InvalidHandle = rclpy_implementation.InvalidHandle
 
 
 class Spinner:
@@ -61,5 +64,7 @@ class Spinner:
                 self._executor._spin_once_impl(None, ended)  # type: ignore[attr-defined]
             except ExternalShutdownException:
                 return
+            except InvalidHandle:  # something was destroyed meanwhile, which rclpy ignores for all but events
+                continue
             except Exception as error:
                 self._on_error(error)

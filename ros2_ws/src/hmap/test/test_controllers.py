@@ -254,7 +254,7 @@ def test_positions_of_grippers_mean_what_the_driver_takes(cell, meaning, positio
 
 def test_the_joint_of_a_turning_finger_and_an_unknown_meaning():
     gripper, wire = load_robot_model("ur5e_2f85").gripper, GripperPosition("joint")
-    for opening in (0.0, 0.02, 0.05, 0.085):
+    for opening in (0.0, 0.02, 0.05, 0.08):
         assert wire.position(gripper, opening) == pytest.approx(gripper.joints(opening)[0])
         assert wire.opening(gripper, wire.position(gripper, opening)) == pytest.approx(opening, abs=1e-5)
     with pytest.raises(InputError, match="gripper_position = 'width': unknown; allowed: gap, finger, joint"):

@@ -3,6 +3,7 @@
 import os
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from hmap.conversions import body_from_message, plan_to_message, scene_from_message, scene_to_message, state_to_message
+from hmap.manipulation_goal import GoalInProgress
 from hmap.node import LATCHED
 from hmap.session import Session
 from hmap.spinning import Spinner
@@ -322,6 +324,20 @@ def test_a_supervisor_that_goes_away_ends_the_goal(graph, session) -> None:
     del session._client.server_is_ready
     session.cancel()
     assert session._wait(lambda: session._goal._response is not None, LONG)  # the fake's goal has ended, too
+
+
+def test_a_result_that_was_lost_is_asked_for_again(graph, session, monkeypatch) -> None:
+    monkeypatch.setattr("hmap.manipulation_goal.RESULT_REPEAT", 0.2)
+    graph.answers = [None]
+    lost = []
+    answered = GoalInProgress._answered
+    monkeypatch.setattr(
+        GoalInProgress, "_answered", lambda goal, future: answered(goal, future) if lost else lost.append(future)
+    )
+    session.manipulate()
+    assert session._wait(lambda: lost, LONG)
+    session._goal._take_feedback(SimpleNamespace(feedback=SimpleNamespace(status=PlannerStatus(phase="done"))))
+    assert session.result(LONG).success
 
 
 def test_a_goal_that_nobody_takes_ends(graph, session, monkeypatch) -> None:

@@ -1,13 +1,14 @@
 """The thread that runs callbacks: it can be held up for a moment, and ended at any time."""
 
 import threading
+from types import SimpleNamespace
 
 import pytest
 from rclpy.context import Context
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
 
-from hmap.spinning import Spinner
+from hmap.spinning import InvalidHandle, Spinner
 
 PERIOD = 0.01  # s between two calls
 LONG = 60.0  # s; a test that waits so long has failed
@@ -65,3 +66,32 @@ def test_a_spinner_ends_in_a_pause(ticking):
     spinner, _ = ticking
     with spinner.paused(LONG):
         pass  # the fixture ends it, perhaps before the pause was noticed
+
+
+class Destroying:
+    """Stands in for an executor that meets an entity which another thread has just destroyed."""
+
+    context = SimpleNamespace(ok=lambda: True)
+
+    def __init__(self):
+        self.spun, self.again = 0, threading.Event()
+
+    def _spin_once_impl(self, timeout, ended):
+        self.spun += 1
+        if self.spun == 1:
+            raise InvalidHandle("cannot use Destroyable because destruction was requested")
+        self.again.set()
+        self.again.wait(0.01)
+
+    def wake(self):
+        pass
+
+    shutdown = wake
+
+
+def test_what_is_destroyed_while_it_is_waited_for_is_no_error():
+    errors, executor = [], Destroying()
+    spinner = Spinner(executor, errors.append)
+    assert executor.again.wait(60.0)
+    spinner.stop()
+    assert not errors
