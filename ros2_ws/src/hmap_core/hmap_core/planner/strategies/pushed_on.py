@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 TIMES = 4  # that the object is pushed on before another object path is planned
 VARIANTS = 3  # of paths made of pushes from one place
 CHECKS = 20_000  # motions checked for the path of the object
-ROUNDS = 3  # of the outer loop in which this is tried
 
 
 class PushedOn:
@@ -29,7 +28,7 @@ class PushedOn:
 
     def applies(self, task: PathTask) -> bool:
         """Whether pushes have brought the object on, and several contacts may be used."""
-        return task.reached is not None and task.may_change_contacts and task.number < ROUNDS
+        return task.reached is not None and task.may_change_contacts
 
     def solve(self, search: "Search", task: PathTask) -> Outcome:
         """Push on from place to place, as long as the object comes on; only what no hand grips."""
@@ -57,9 +56,7 @@ class PushedOn:
                     outcome = search.follow(task.subgoal, sequence, pushed)
                 if isinstance(outcome, Solution) or outcome.ends_round:
                     return outcome
-                reached = outcome.reached
-                if reached is not None:
-                    break
+                reached = reached or outcome.reached
             if reached is None:
                 break
             sequence = reached

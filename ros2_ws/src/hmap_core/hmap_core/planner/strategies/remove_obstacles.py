@@ -80,7 +80,8 @@ def clear_path(
     placed = steps.place_tool(search.context, sequence)
     if placed is None:
         return search.context.record.last_failure()
-    ordered = met(search.context.scene, placed.state, subgoal.goal.object, poses, blockers)
+    scene = search.context.scene
+    ordered = met(scene, placed.state, subgoal.goal.object, poses, _nearest_first(scene, placed, blockers))
     return _removed(search, subgoal, placed, found.with_all(ordered), found)
 
 
@@ -155,7 +156,18 @@ def solve_relaxed(
         hit = in_motions(scene, sequence.state, motions, gone)
         if not hit and not blockers:
             return outcome
+        hit = _nearest_first(scene, sequence, hit)
         sweeps = [object_sweep(scene, object, ahead)]
         sweeps += [way for m in motions for way in motion_sweeps(scene, sequence.state, m, CONTACT_ROOM)]
         return RelaxedSolution(outcome.contact, outcome.tool_grasp, hit, tuple(sweeps))
     return context.record.last_failure()
+
+
+def _nearest_first(scene: Scene, sequence: SolutionSequence, names: Sequence[str]) -> tuple[str, ...]:
+    """Names of bodies, those nearest to the base of a robot first: what stands before others has to go before them."""
+    bases = [robot.base_pose[:3] for robot in scene.robots.values()]
+
+    def away(name: str) -> float:
+        return min(float(np.linalg.norm(sequence.state.poses[name][:3] - base)) for base in bases)
+
+    return tuple(sorted(names, key=away))
