@@ -4,10 +4,8 @@ from typing import TYPE_CHECKING
 
 from hmap_core.planner import reachability
 from hmap_core.planner.outcome import Outcome
-from hmap_core.planner.strategies.pressed_path import may_be_dragged
 from hmap_core.planner.tasks import PathTask
 from hmap_core.planner.tilt import keeps_tilt
-from hmap_core.planner.tools import with_tool_placed
 
 if TYPE_CHECKING:
     from hmap_core.planner.search import Search
@@ -16,8 +14,7 @@ if TYPE_CHECKING:
 class GoalCheck:
     """Ends the job if no contact brings the object to its goal, where no robot reaches every orientation.
 
-    Objects that hands may drag from above are not checked, and arms with more joints are asked at the end of the
-    round: they have more ways to a goal than the last path showed.
+    Arms with more joints are asked at the end of the round: they have more ways to a goal than the last path showed.
     """
 
     name = "whether a hand reaches the goal"
@@ -32,8 +29,6 @@ class GoalCheck:
         Raises:
             ContactError: OUT_OF_REACH; no contact brings the object there.
         """
-        context = search.context
-        state = with_tool_placed(task.sequence.state, task.sequence.tool_grasp)
-        if keeps_tilt(context.scene) and not may_be_dragged(context.scene, state, task.subgoal.goal):
-            reachability.check_goal(context, task)
-        return context.record.last_failure()
+        if keeps_tilt(search.context.scene):
+            reachability.check_goal(search.context, task)
+        return search.context.record.last_failure()

@@ -11,7 +11,6 @@ from hmap_core.planner.protocols import ObjectPathQuery
 from hmap_core.planner.sampled_presses import press_of
 from hmap_core.planner.tasks import PathTask
 from hmap_core.planner.tools import with_tool_placed
-from hmap_core.types import Goal, Scene, SceneState
 from hmap_core.waypoints import NoObjectPath
 
 if TYPE_CHECKING:
@@ -19,13 +18,6 @@ if TYPE_CHECKING:
 
 LEVEL = 1e-3  # m of height between start and goal of an object that is dragged
 CHECKS = 100_000  # motions checked for the path of the object
-
-
-def may_be_dragged(scene: Scene, state: SceneState, goal: Goal) -> bool:
-    """Whether the object stands as high at its goal, and some robot could press on it hard enough to drag it there."""
-    ends = np.array([state.poses[goal.object], goal.pose])
-    level = float(np.ptp(ends[:, 2])) < LEVEL
-    return level and any(press_of(scene, state, goal.object, name, ends).possible for name in scene.robots)
 
 
 class PressedPath:
@@ -42,9 +34,12 @@ class PressedPath:
         context = search.context
         state = with_tool_placed(task.sequence.state, task.sequence.tool_grasp)
         goal = goal_of_round(context, task, state)
-        if not may_be_dragged(context.scene, state, goal):
+        start, scene = state.poses[task.object], context.scene
+        ends = np.array([start, goal.pose])
+        level = float(np.ptp(ends[:, 2])) < LEVEL
+        if not level or not any(press_of(scene, state, task.object, name, ends).possible for name in scene.robots):
             return context.record.last_failure()
-        fixed = replace(path_scene(context.scene, task), motion="planar", removable={})
+        fixed = replace(path_scene(scene, task), motion="planar", removable={})
         query = ObjectPathQuery(fixed, state, goal, context.seed(), context.time_left(), CHECKS)
         try:
             poses = context.components.object_path.plan_path(query).poses
