@@ -5,6 +5,7 @@ so a node that computes for long counts as alive, and one whose process was kill
 lease. Discovery alone takes a dead process for alive for about 20 s.
 """
 
+import threading
 import time
 from collections.abc import Callable
 
@@ -18,7 +19,8 @@ from rclpy.qos import LivelinessPolicy, QoSProfile
 from std_msgs.msg import Empty
 
 LEASE = 2.0  # s without a sign of life after which a node counts as dead
-MOTION_LEASE = 0.35  # s, of the supervisor: motions stop within 0.5 s of its death; each node gives signs this often
+MOTION_LEASE = 0.3  # s, of the supervisor: motions stop within 0.5 s of its death; each node gives signs more often
+CONFIRM = 0.1  # s in which a sign of life may still come that a busy process has not read yet
 PROBE = 1.5  # s to look for a node that runs already
 
 
@@ -59,7 +61,7 @@ class Heartbeat:
             node: that watches; its executor calls back.
             role: of the watched nodes.
             group: of the callbacks.
-            on_loss: called when the last of them has died or ended.
+            on_loss: called in a thread of its own when the last of them has died or ended, and CONFIRM has passed.
             lease: s without a sign of life after which one counts as dead, MOTION_LEASE or more.
         """
         self.role, self.alive, self.lost = role, 0, False
@@ -77,6 +79,12 @@ class Heartbeat:
         before, self.alive = self.alive, int(info.alive_count)
         self.lost = self.alive == 0 and (self.lost or before > 0)
         if self.alive == 0 and before > 0:
+            confirming = threading.Timer(CONFIRM, self._confirm)
+            confirming.daemon = True
+            confirming.start()
+
+    def _confirm(self) -> None:
+        if self.lost:
             self._on_loss()
 
 

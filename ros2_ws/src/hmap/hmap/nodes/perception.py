@@ -70,7 +70,8 @@ class Perception(HmapNode):
         self._frames = set(self.parameter("pose_frames", ["world", "vicon"], frames))
         text = "m, standard deviation of measured positions; poses of bodies that stand are averaged; 0: they are not"
         self._noise = self.parameter("pose_noise", POSE_NOISE, text, 0.0, 0.1)
-        self._watchdog = MotionWatchdog(self.get_namespace(), self.get_logger().warning)
+        simulated = self.get_parameter("use_sim_time").value  # then `world` stops the arms itself
+        self._watchdog = None if simulated else MotionWatchdog(self.get_namespace(), self.get_logger().warning)
         self._sensor_clock = ReceiverClock(self.now, self._stale_after)
         self._restarts = 0  # of the clock, that are dealt with
         self._state = self.create_publisher(WorldState, "world_state", 10)
@@ -97,7 +98,8 @@ class Perception(HmapNode):
     def close(self) -> None:
         """End the watchdog, too."""
         super().close()
-        self._watchdog.close()
+        if self._watchdog is not None:
+            self._watchdog.close()
 
     # the scene
 
@@ -107,7 +109,8 @@ class Perception(HmapNode):
         arms = {name: self._naming.arm_joints(name, model) for name, model in models.items()}
         fingers = {name: self._naming.finger_joints(name, model) for name, model in models.items()}
         fusion = Fusion(scene, arms, fingers, self._sensor_clock, self._noise)
-        self._watchdog.watch([self._naming.arm_action(name) for name in scene.robots])
+        if self._watchdog is not None:
+            self._watchdog.watch([self._naming.arm_action(name) for name in scene.robots])
         if previous is not None and _bodies_changed(previous.fusion.scene, scene):
             fusion.copy_measurements(previous.fusion)
             previous.detected.scene = scene
