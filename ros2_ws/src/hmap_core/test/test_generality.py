@@ -52,6 +52,12 @@ def test_tasks_load_and_can_be_begun(family, tmp_path):
         check_bodies(scene, scene.goal)
 
 
+def test_rakes_begin_beside_the_legs_of_the_shelf():
+    for seed in range(4, 16):
+        scene = FAMILIES["rake_under_shelf"].cell(seed).build()
+        check_bodies(scene, scene.goal)
+
+
 @pytest.mark.parametrize("family", ALL, ids=name_of)
 def test_a_seed_gives_the_same_task_and_another_seed_another_one(family):
     texts = [family.task_file(seed) for seed in SEEDS]

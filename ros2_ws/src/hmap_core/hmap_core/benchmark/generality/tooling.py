@@ -29,7 +29,7 @@ def rake_under_shelf(cell: Cell, draw: Sampler) -> None:
         {"shape": "box", "size": [THICK, bar, THICK], "pose": {"xyz": [shaft, 0.0, 0.0]}},
         {"shape": "box", "size": [THICK, THICK, 0.1], "pose": {"xyz": [0.0, 0.0, THICK / 2 + 0.05]}},
     ]
-    pose: dict[str, Any] = {"xyz": [draw.uniform(0.3, 0.36), side * draw.uniform(0.28, 0.34), THICK / 2]}
+    pose: dict[str, Any] = {"xyz": [draw.uniform(0.26, 0.31), side * draw.uniform(0.28, 0.34), THICK / 2]}
     pose["rpy_deg"] = [0.0, 0.0, side * draw.angle(0, 30)]
     handle = [[[-grip, -grip, THICK / 2 + 0.01], [grip, grip, THICK / 2 + 0.101]]]
     cell.add_body("rake", parts, pose, tool=True, mass=0.12, friction=1.0, graspable=handle, color=GREEN)
