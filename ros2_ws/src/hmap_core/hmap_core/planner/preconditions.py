@@ -16,8 +16,7 @@ from hmap_core.planner.loads import changes_height, no_robot_moves, tilts
 from hmap_core.planner.obstruction import carried_by, stacked_on
 from hmap_core.planner.segments import standing_collision
 from hmap_core.planner.tools import extent
-from hmap_core.stability.stacks import MARGIN as STACK_MARGIN
-from hmap_core.stability.stacks import stack_tips
+from hmap_core.stability.stacks import OFF_CENTRE, stack_tips
 from hmap_core.transforms import IDENTITY, apply, distance
 from hmap_core.types import BodyKind, Goal, Scene, SceneState, TaskMode
 from hmap_core.waypoints.checker import PENETRATION_ALLOWED
@@ -103,7 +102,7 @@ def _check_stack(scene: Scene, state: SceneState, goal: Goal) -> None:
         names = " and ".join(f"'{name}'" for name in tips[1:])
         raise InputError(
             f"'{goal.object}' at its goal (goal.pose) would make what it stands on tip: {names}; forces do not balance "
-            f"with {1e3 * STACK_MARGIN:g} mm to spare. Move the goal towards the middle of its support",
+            f"with {1e3 * OFF_CENTRE:g} mm to spare. Move the goal towards the middle of its support",
             Code.INVALID_POSE,
         )
 

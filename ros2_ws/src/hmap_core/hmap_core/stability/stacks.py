@@ -15,9 +15,11 @@ from hmap_core.stability.rest import FRICTION_SHARE
 from hmap_core.transforms import IDENTITY, apply
 from hmap_core.types import Body, BodyKind
 
-MARGIN = 0.002  # m, by which all centres of mass may be off in any level direction; the judge asks for a little less
+OFF_CENTRE = (
+    0.002  # m, by which all centres of mass may be off in any level direction; the judge asks for a little less
+)
 _DOWN = np.array([0.0, 0.0, -1.0])
-_OFFSETS = MARGIN * np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
+_OFFSETS = OFF_CENTRE * np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 def stack_tips(bodies: Mapping[str, Body], name: str, T: np.ndarray) -> tuple[str, ...]:

@@ -49,8 +49,8 @@ def check(world: World, contacts: Sequence[Contact], support: SupportCheck, find
             known = all(name not in unclear or moved(world, name, k) for name in stack)
             if key not in seen and known and not _stays(world, stack, k):
                 time = float(world.document.time[k])
-                margin = limits.STABLE_MARGIN
-                findings.add(Kind.UNSUPPORTED, tuple(sorted(stack)), time, 0.0, margin, margin)
+                least = limits.STABLE_MARGIN
+                findings.add(Kind.UNSUPPORTED, tuple(sorted(stack)), time, 0.0, least, least)
             seen.add(key)
 
 
