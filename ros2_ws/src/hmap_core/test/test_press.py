@@ -211,6 +211,20 @@ def test_high_objects_are_dragged_only_if_a_gripper_could_set_them_upright(width
     assert (max((reach for _, reach in made), default=0) == len(poses) - 1) == drags
 
 
+@pytest.mark.parametrize("way", [(1.0, 0.0), (0.0, -1.0), (-0.6, 0.8)])
+def test_presses_behind_the_middle_are_tried(way):
+    """As far as the fingers, which are 11 mm wide across, stand on the top."""
+    press, step = press_on(), np.array([*way, 0.0])
+    points, normals = sample_surface(PLATE.shapes, 300, np.random.default_rng(0))
+    cloud = Cloud(points, normals, np.ones(len(points), bool))
+    there = pose(START) + np.array([*(0.01 * step), 0, 0, 0, 0])
+    contacts = press.sampled(cloud, Situation(pose(START), there), np.random.default_rng(1))
+    beside = [np.linalg.norm(np.cross(contact.point, step)[2]) for contact in contacts]
+    behind = [-contact.point @ step for contact, off in zip(contacts, beside, strict=True) if off < 1e-6]
+    assert len(set(np.round(behind, 6))) > 5
+    assert max(behind) > 0.8 * np.abs(np.array(SIZE[:2]) / 2 / np.maximum(np.abs(step[:2]), 1e-9)).min() - 0.01
+
+
 def test_a_narrow_object_is_not_dragged_sideways():
     block = box("plate", (0.04, 0.1, 0.12), (0.5, 0.0, 0.06), mass=0.2, friction=0.5)
     poses = along(0.15, 0.0) + np.array([0, 0, 0.06 - START[2], 0, 0, 0, 0])

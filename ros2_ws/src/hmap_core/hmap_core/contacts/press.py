@@ -32,6 +32,7 @@ RESERVE = 1.25  # of the force over the least one
 OPENINGS = (0.0, 0.5, 1.0)  # of the fingers, as shares of the gripper's range
 TURNS = 8  # orientations of the hand about the vertical
 POINTS = 60  # of the top that are tried
+BEHIND = np.linspace(0.2, 1.0, 17)  # points behind the middle, as shares of the way to the edge, that are tried as well
 PATCH = 3e-4  # m; vertices of the fingers this near to the foremost one press
 EDGE = 0.002  # m that the patch stays inside the face, and above the support
 TILT_EDGE = 0.005  # m that the centre of pressure stays inside the footprint
@@ -132,12 +133,15 @@ class Press:
         off = np.linalg.norm(cloud.points[top] @ slide.level.T[:, :2] - slide.middle, axis=1)
         near = top[np.argsort(off, kind="stable")]
         top = np.concatenate([near[: POINTS // 3], rng.permutation(near[POINTS // 3 :])[: POINTS - POINTS // 3]])
-        points = np.concatenate([self._middle(cloud, near[0])[None], cloud.points[top]])
-        normals = np.concatenate([cloud.normals[near[:1]], cloud.normals[top]])
+        middle, ahead = self._middle(cloud, near[0]), self._ahead(situation)
+        edge = np.max(-(cloud.points[near] - middle) @ ahead)
+        special = np.concatenate([middle[None], middle - np.outer(BEHIND * edge, ahead)])
+        points = np.concatenate([special, cloud.points[top]])
+        normals = np.concatenate([np.repeat(cloud.normals[near[:1]], len(special), axis=0), cloud.normals[top]])
         found = []
         for share in OPENINGS:
             opening = gripper.min_opening + share * (gripper.max_opening - gripper.min_opening)
-            found += self._at(points, normals, opening, situation)
+            found += self._at(points, normals, opening, situation, ahead)
         return found
 
     def with_forces(self, contacts: Sequence[ContactPoint], poses: np.ndarray) -> list[tuple[ContactPoint, int]]:
@@ -170,12 +174,23 @@ class Press:
         slide, point = self._slide, cloud.points[nearest]
         return slide.centre + slide.up * ((point - slide.centre) @ slide.up)
 
-    def _at(self, points: np.ndarray, normals: np.ndarray, opening: float, situation: Situation) -> list[ContactPoint]:
+    def _ahead(self, situation: Situation) -> np.ndarray:
+        """Level direction (3,) of the first motion, object frame; the world's x axis where that is not known."""
+        if situation.T_world_next is None:
+            return self._slide.level[0]
+        way = self._slide.level.T @ (situation.T_world_next[:3] - situation.T_world_obj[:3])
+        way -= self._slide.up * (way @ self._slide.up)
+        size = float(np.linalg.norm(way))
+        return way / size if size > 0.0 else self._slide.level[0]
+
+    def _at(
+        self, points: np.ndarray, normals: np.ndarray, opening: float, situation: Situation, ahead: np.ndarray
+    ) -> list[ContactPoint]:
         slide, tip = self._slide, load_arm(self._model).finger_vertices(opening)
         turns = 2.0 * np.pi * np.arange(TURNS) / TURNS
         index, turn = np.repeat(np.arange(len(points)), TURNS), np.tile(turns, len(points))
         points, normals = points[index], normals[index]
-        first, second = tangents(normals, slide.level[0])
+        first, second = tangents(normals, ahead)
         x = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * second
         R = frames(-normals, x)
         origin, _ = on_surface(R, points, normals, tip)
@@ -192,9 +207,8 @@ class Press:
             points, situation, radius
         )
         T = np.concatenate([origin, quaternions(R)], axis=1)
-        ahead = np.array([0.0, 0.0, 1.0])
         return [
-            ContactPoint(ContactKind.PRESS, T[k], points[k], normals[k], opening, ahead, float(score[k])) for k in kept
+            ContactPoint(ContactKind.PRESS, T[k], points[k], normals[k], opening, DOWN, float(score[k])) for k in kept
         ]
 
     def _serves(self, contacts: Sequence[ContactPoint], poses: np.ndarray, forces: np.ndarray) -> np.ndarray:
@@ -237,6 +251,7 @@ class Press:
 
 
 _LEAST_FORCE = 1e-9  # N
+DOWN = np.array([0.0, 0.0, 1.0])  # approach, end-effector frame
 
 
 def finger_friction(model: RobotModel) -> float:

@@ -31,7 +31,7 @@ class SampledPresses:
         surface = query.surface
         if surface is None:
             surface = sampled_surface(scene, query.state, query.object, poses[0], query.rng)
-        situation = Situation(poses[0], None, scene.robots[query.robot].base_pose[:3])
+        situation = Situation(poses[0], poses[1], scene.robots[query.robot].base_pose[:3])
         made = press.with_forces(press.sampled(surface, situation, query.rng), poses)
         made.sort(key=lambda own: (-own[1], -own[0].score))
         for first in range(0, min(len(made), MAX_PRESSES), BATCH):

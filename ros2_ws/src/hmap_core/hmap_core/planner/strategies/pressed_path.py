@@ -1,19 +1,23 @@
 """Press and drag: hands press on a flat object from above and drag it over its support."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hmap_core.planner.goals import goal_of_round, path_scene
-from hmap_core.planner.outcome import Failure, Outcome
+from hmap_core.planner.outcome import Outcome, Solution
 from hmap_core.planner.protocols import ObjectPathQuery
 from hmap_core.planner.sampled_presses import press_of
+from hmap_core.planner.strategies.pushed_paths import push_planner
 from hmap_core.planner.tasks import PathTask
 from hmap_core.planner.tools import with_tool_placed
+from hmap_core.types import Goal, SceneState
 from hmap_core.waypoints import NoObjectPath
 
 if TYPE_CHECKING:
+    from hmap_core.planner.context import SearchContext
     from hmap_core.planner.search import Search
 
 LEVEL = 1e-3  # m of height between start and goal of an object that is dragged
@@ -39,10 +43,28 @@ class PressedPath:
         level = float(np.ptp(ends[:, 2])) < LEVEL
         if not level or not any(press_of(scene, state, task.object, name, ends).possible for name in scene.robots):
             return context.record.last_failure()
-        fixed = replace(path_scene(scene, task), motion="planar", removable={})
+        pressed = replace(task.subgoal, pressed=True)
+        outcome: Outcome = context.record.last_failure()
+        for poses in self._paths(context, task, state, goal):
+            with context.record.tree.attempt(f"{len(poses)} poses"):
+                outcome = search.follow(pressed, task.sequence, poses)
+            if isinstance(outcome, Solution) or outcome.ends_round:
+                break
+        return outcome
+
+    def _paths(self, context: "SearchContext", task: PathTask, state: SceneState, goal: Goal) -> Iterator[np.ndarray]:
+        """Different paths (M, 7) on the support: one that is short, and one made of legs straight along the sides.
+
+        What is high and narrow is dragged along its longer side only.
+        """
+        fixed = replace(path_scene(context.scene, task), motion="planar", removable={})
         query = ObjectPathQuery(fixed, state, goal, context.seed(), context.time_left(), CHECKS)
         try:
             poses = context.components.object_path.plan_path(query).poses
         except NoObjectPath as error:
-            return Failure.of(error)
-        return search.follow(replace(task.subgoal, pressed=True), task.sequence, poses)
+            context.record.failed(error)
+            return
+        yield poses
+        legs = push_planner(context.scene, state, task.object, poses).path(poses, None)
+        if legs is not None and not np.array_equal(legs, poses):
+            yield legs
