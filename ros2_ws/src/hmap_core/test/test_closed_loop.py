@@ -189,7 +189,7 @@ def under_a_beam() -> Plan:
     return replace(plan, segments=tuple(segments))
 
 
-def test_a_hand_that_is_blocked_in_the_air_brings_its_object_back_to_where_it_stood(under_a_beam):
+def test_a_hand_that_is_blocked_with_a_lifted_object_brings_it_back_to_where_it_stood(under_a_beam):
     replan = Replanner(under_a_beam)
     report = execute_closed_loop(under_a_beam, replan, 1)
     assert "joint" in report.replans[0].reason and "'left'" in report.replans[0].reason
