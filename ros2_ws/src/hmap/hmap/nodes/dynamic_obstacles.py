@@ -52,7 +52,7 @@ class DynamicObstacles(HmapNode):
             raise InputError(f"smallest_radius {smallest} m is above largest_radius {largest} m")
         self._radii = (smallest, largest)
         self._rng = np.random.default_rng(seed)
-        self._remote = Caller(self, ANSWER_LIMIT, self.stopping.is_set)
+        self._remote = Caller(self, ANSWER_LIMIT).until(self.stopping.is_set)
         self._step_lock = threading.Lock()
         self._sensor_clock = ReceiverClock(self.now, PLAN_AHEAD)
         self._plans: Latest[Plan] = Latest("the plan", self._sensor_clock)

@@ -237,7 +237,7 @@ class SharedQuery:
     scene: Scene
     state: SceneState
     object: str
-    contacts: tuple[RobotContact, ...]
+    contacts: tuple[RobotContact, RobotContact]
     object_poses: np.ndarray
     seed: int = 0
     time_limit: float = np.inf

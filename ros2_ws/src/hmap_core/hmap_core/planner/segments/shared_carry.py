@@ -64,7 +64,7 @@ def carry_together(
     deadline = time.monotonic() + time_limit
 
     def both_come(order: Sequence[RobotContact]) -> tuple[MotionSequence, list[RobotContact]]:
-        motions, grasped = MotionSequence(state), []
+        motions, grasped = MotionSequence(state), list[RobotContact]()
         away = [name for contact in contacts for name in contact.clear if name != order[0].robot]
         for contact in order:
             contact = replace(contact, clear=() if grasped else tuple(away))
