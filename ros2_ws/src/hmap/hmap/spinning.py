@@ -7,7 +7,9 @@ from contextlib import contextmanager
 from rclpy.executors import Executor, ExternalShutdownException, MultiThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
-InvalidHandle = rclpy_implementation.InvalidHandle
+InvalidHandle, RCLError = rclpy_implementation.InvalidHandle, rclpy_implementation.RCLError
+# in the error where an action server was destroyed while it was waited for; rclpy ignores that of other entities
+DESTROYED = "to wait set"
 
 
 class Spinner:
@@ -64,7 +66,8 @@ class Spinner:
                 self._executor._spin_once_impl(None, ended)  # type: ignore[attr-defined]
             except ExternalShutdownException:
                 return
-            except InvalidHandle:  # something was destroyed meanwhile, which rclpy ignores for all but events
-                continue
+            except (InvalidHandle, RCLError) as error:
+                if isinstance(error, RCLError) and DESTROYED not in str(error):
+                    self._on_error(error)
             except Exception as error:
                 self._on_error(error)

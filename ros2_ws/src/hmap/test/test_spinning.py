@@ -8,7 +8,7 @@ from rclpy.context import Context
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
 
-from hmap.spinning import InvalidHandle, Spinner
+from hmap.spinning import InvalidHandle, RCLError, Spinner
 
 PERIOD = 0.01  # s between two calls
 LONG = 60.0  # s; a test that waits so long has failed
@@ -73,13 +73,13 @@ class Destroying:
 
     context = SimpleNamespace(ok=lambda: True)
 
-    def __init__(self):
-        self.spun, self.again = 0, threading.Event()
+    def __init__(self, error):
+        self.error, self.spun, self.again = error, 0, threading.Event()
 
     def _spin_once_impl(self, timeout, ended):
         self.spun += 1
         if self.spun == 1:
-            raise InvalidHandle("cannot use Destroyable because destruction was requested")
+            raise self.error
         self.again.set()
         self.again.wait(0.01)
 
@@ -89,8 +89,16 @@ class Destroying:
     shutdown = wake
 
 
-def test_what_is_destroyed_while_it_is_waited_for_is_no_error():
-    errors, executor = [], Destroying()
+@pytest.mark.parametrize(
+    "error",
+    [
+        InvalidHandle("cannot use Destroyable because destruction was requested"),
+        RCLError("Failed to add 'rcl_action_server_t' to wait set: action server pointer is invalid"),
+    ],
+    ids=["event", "action server"],
+)
+def test_what_is_destroyed_while_it_is_waited_for_is_no_error(error):
+    errors, executor = [], Destroying(error)
     spinner = Spinner(executor, errors.append)
     assert executor.again.wait(60.0)
     spinner.stop()
