@@ -60,9 +60,9 @@ def check(plan: dict) -> Report:
     support.run()
     stacks.check(world, made, support, findings)
     physics.check(world, made, findings)
-    toppling.check(world, made, findings)
-    presses.check(world, made, findings)
-    loads.check(world, made, findings)
+    toppling.check(world, made, support.finder, findings)
+    presses.check(world, made, support.finder, findings)
+    loads.check(world, made, support.finder, findings)
     pairs = PairBuilder(world, _may_touch(made, support.pairs))
     for reach in (*CLOSE, NEAR, math.inf) if pairs.many else (NEAR, math.inf):
         clearance = collision.check(world, pairs.build(reach), findings)

@@ -17,7 +17,7 @@ from hmap_core.validation.world import World
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def check(world: World, contacts: list[Contact], findings: Findings) -> None:
+def check(world: World, contacts: list[Contact], finder: SupportFinder, findings: Findings) -> None:
     """Reports grasps that do not hold the weight of their object, and weights beyond an arm's payload.
 
     Only in physical mode. Robots without a payload in the file carry any weight.
@@ -25,7 +25,6 @@ def check(world: World, contacts: list[Contact], findings: Findings) -> None:
     if world.document.mode != "physical":
         return
     grasps = shared.grasps_of(contacts)
-    finder = SupportFinder(world)
     for contact in contacts:
         if contact.kind in ("push", "press"):
             _check_pushed(contact, findings)

@@ -22,11 +22,10 @@ _ANGLES = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
 UNKNOWN_FRICTION = 1.0  # of fingers, if the file does not say
 
 
-def check(world: World, contacts: list[Contact], findings: Findings) -> None:
+def check(world: World, contacts: list[Contact], finder: SupportFinder, findings: Findings) -> None:
     """Reports presses from the side, without enough friction, or with which the object leaves its support."""
     if world.document.mode != "physical":
         return
-    finder = SupportFinder(world)
     for contact in contacts:
         if contact.kind == "press" and not contact.tool_grasp:
             _check_direction(contact, findings)

@@ -23,11 +23,10 @@ BISECTIONS = 12  # to find the friction at which the object would slide
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def check(world: World, contacts: list[Contact], findings: Findings) -> None:
+def check(world: World, contacts: list[Contact], finder: SupportFinder, findings: Findings) -> None:
     """Reports pushes whose object topples over or jams, and that friction allows; in physical mode only."""
     if world.document.mode != "physical":
         return
-    finder = SupportFinder(world)
     for contact in contacts:
         if contact.kind == "push" and not findings.has(Kind.FRICTION_CONE, contact.bodies):
             _check_pushed(contact, finder, findings)
