@@ -27,6 +27,15 @@ def loop(scene):
     loop.stop()
 
 
+@pytest.fixture
+def paced(scene):
+    """A loop in real time, in which a motion lasts."""
+    loop = WorldLoop(scene, speed=1.0, idle_speed=1.0, on_chunk=lambda world: None)
+    loop.start()
+    yield loop
+    loop.stop()
+
+
 def swing(scene, duration: float, angle: float = 0.3) -> JointTrajectory:
     q = scene.robots[ROBOT].q
     target = q + angle * np.eye(7)[0]
@@ -141,14 +150,15 @@ def test_all_arms_are_stopped_at_once(loop, scene):
     assert motion.outcome is Outcome.CANCELED and loop.stop_arms() == []
 
 
-def test_commands_to_robots_of_a_scene_that_was_replaced_are_refused_and_cancels_do_nothing(loop, scene):
-    motion = loop.grip(ROBOT, 0.02, 10.0)
-    loop.call(lambda: loop.load(load_scene("bolt", 0)))
+def test_commands_to_robots_of_a_scene_that_was_replaced_are_refused_and_cancels_do_nothing(paced, scene):
+    other = load_scene("bolt", 0)
+    motion = paced.grip(ROBOT, 0.02, 10.0)
+    paced.call(lambda: paced.load(other))
     assert motion.done.wait(WAIT) and motion.outcome is Outcome.CANCELED
-    loop.cancel_gripper(ROBOT)
-    loop.cancel_arm(ROBOT)
+    paced.cancel_gripper(ROBOT)
+    paced.cancel_arm(ROBOT)
     with pytest.raises(InputError, match=f"robot {ROBOT!r} has no gripper in the loaded scene; there are: ") as error:
-        loop.grip(ROBOT, 0.02, 10.0)
+        paced.grip(ROBOT, 0.02, 10.0)
     assert error.value.code is Code.UNKNOWN_ROBOT
     with pytest.raises(InputError, match=f"robot {ROBOT!r} has no arm"):
-        loop.follow(ROBOT, swing(scene, 1.0), Tolerances())
+        paced.follow(ROBOT, swing(scene, 1.0), Tolerances())

@@ -92,7 +92,7 @@ def test_removable_body_on_a_tool_is_removed_first(tmp_path):
 
 def test_tool_that_carries_what_may_not_be_moved_is_not_used(tmp_path):
     with pytest.raises(HmapError) as error:
-        plan(loaded_stick(tmp_path, False), seed=1, time_limit=TIME_LIMIT)
+        plan(loaded_stick(tmp_path, False), seed=1, time_limit=15.0)
     assert error.value.code != Code.PLAN_REJECTED
     assert "tool 'stick' carries 'box', which may not be moved" in str(error.value.search) + error.value.reason
 

@@ -291,13 +291,15 @@ class Controllers:
         """
         running = [command for command in commands if not command.done]
         newest = self._monitor.newest()
-        if newest is None:
+        if self._monitor.silent():
             self._stop(commands)
             raise ExecutionError(
                 "no world state comes any more, so the motion was stopped: is perception running, and do its sensors "
                 "speak?",
                 Code.STALE_STATE,
             )
+        if newest is None:
+            return  # a body has just come, and the next state tells of it
         for command in running:
             problem = self._problem(command, *newest)
             if problem and not command.done:

@@ -27,6 +27,7 @@ REST_DISTANCE, REST_ANGLE = 5e-4, 0.01  # m, rad that a body moves in that perio
 REST_JOINT = 2e-3  # rad that a joint moves in it
 REST_LOOKS = 15  # looks at most
 AHEAD = 5.0  # s that a state may be stamped ahead of the node's clock; /clock comes late while the node is busy
+CLOCK_STANDS = 0.1  # s that a clock goes on since the last state while a simulation pauses
 CLOUDS_AHEAD = 60.0  # s, the same for clouds, which come rarely, so that each of them counts
 
 
@@ -50,6 +51,7 @@ class SceneMonitor:
         self._clock = ReceiverClock(lambda: clock_time(node), AHEAD)
         self._states: Latest[SceneState] = Latest("the world state", self._clock)
         self._arrived = -float("inf")  # when the newest state did, on the steady clock
+        self._arrived_at: float | None = None  # the same, s of the node's clock
         self._cloud_clock = ReceiverClock(lambda: clock_time(node), CLOUDS_AHEAD)
         self._cloud_messages: Latest[ObjectClouds] = Latest("the message of the objects' clouds", self._cloud_clock)
         self._decoded_message: ObjectClouds | None = None
@@ -110,6 +112,17 @@ class SceneMonitor:
         self._problems.update("object_clouds", problems)
         return found
 
+    def silent(self) -> bool:
+        """Whether no state has arrived for too long. While the node's clock stands, nothing moves, and none is due."""
+        with self._news:
+            return self._silent()
+
+    def _silent(self) -> bool:
+        if time.monotonic() - self._arrived <= self._stale_after:
+            return False
+        now = clock_time(self._node)
+        return now is None or self._arrived_at is None or abs(now - self._arrived_at) > CLOCK_STANDS
+
     def newest(self) -> tuple[float, SceneState] | None:
         """The newest stamp (s) and state; None where none has arrived for too long."""
         with self._news:
@@ -117,8 +130,7 @@ class SceneMonitor:
 
     def _fresh(self) -> tuple[float, SceneState] | None:
         self._clock.now()
-        arrived = time.monotonic() - self._arrived <= self._stale_after
-        return self._states.newest() if arrived else None
+        return None if self._silent() else self._states.newest()
 
     def state(self, patience: float, after: float = -float("inf")) -> tuple[float, SceneState]:
         """The newest stamp (s) and state; waits for one that is fresh and has a stamp later than ``after``.
@@ -235,7 +247,7 @@ class SceneMonitor:
             if base is self._base and self._scene is not None:
                 state.poses |= {n: body.pose for n, body in self._scene.bodies.items() if n not in base.bodies}
                 if self._states.add(stamp, state):
-                    self._arrived = time.monotonic()
+                    self._arrived, self._arrived_at = time.monotonic(), clock_time(self._node)
                     self._news.notify_all()
 
     def _take_clouds(self, message: ObjectClouds) -> None:

@@ -118,7 +118,11 @@ def _plan(context: SearchContext, task: PathTask) -> tuple[np.ndarray, tuple[str
 
 def _object_path(context: SearchContext, scene: Scene, state: SceneState, goal: Goal, checks: int) -> ObjectPath:
     query = ObjectPathQuery(scene, state, goal, context.seed(), context.time_left(), checks)
-    return context.components.object_path.plan_path(query)
+    try:
+        return context.components.object_path.plan_path(query)
+    except NoObjectPath:
+        context.time_left()  # raises: a search without time left says nothing about the path
+        raise
 
 
 def _pushable(context: SearchContext, state: SceneState, task: PathTask, poses: np.ndarray) -> np.ndarray:
