@@ -10,7 +10,7 @@ from hmap_core.benchmark.registry import PROBLEMS
 from hmap_core.benchmark.sampling import configurations_at, end_effector
 
 MOTIONS = {name: p for name, p in PROBLEMS.items() if isinstance(p.instance(0), MotionInstance)}
-MANY = 1000  # instances over all problems
+MANY = 400  # instances over all problems
 
 
 @pytest.mark.parametrize("name", MOTIONS)
