@@ -102,6 +102,9 @@ class Monitor:
         self.now, self.fresh = scene.start_state(), True
         self._began = time.monotonic()
 
+    def silent(self) -> bool:
+        return self.newest() is None
+
     def newest(self):
         return (10.0 * (time.monotonic() - self._began), self.now.copy()) if self.fresh else None
 
