@@ -11,7 +11,7 @@ from hmap_core.planner.segments import carried
 from hmap_core.planner.segments.attached import end_effector_poses
 from hmap_core.scenes import load_scene
 from hmap_core.transforms import multiply, pose
-from hmap_core.types import Scene, Shape, ShapeKind, TaskMode
+from hmap_core.types import Body, BodyKind, Scene, Shape, ShapeKind, TaskMode
 
 CUBE = (Shape(ShapeKind.BOX, (0.04, 0.04, 0.04)),)
 
@@ -23,7 +23,8 @@ def scene() -> Scene:
 
 def grasped(scene: Scene, mass: float, friction: float = 0.8, away: float = 0.0):
     robot = next(iter(scene.robots))
-    return carried.grasped(scene, robot, CUBE, mass, friction, pose((away, 0.0, 0.0)), 0.04)
+    body = Body("cube", BodyKind.MOVABLE, CUBE, pose(), mass, friction)
+    return carried.grasped(scene, robot, body, pose((away, 0.0, 0.0)), 0.04)
 
 
 def test_heavier_and_smoother_bodies_are_accelerated_less(scene):
@@ -60,7 +61,8 @@ def test_a_kinematic_task_has_no_weights(scene):
 
 def test_the_point_is_the_centre_of_mass(scene):
     robot = scene.robots[next(iter(scene.robots))]
-    limit = carried.grasped(scene, robot.name, CUBE, 0.1, 0.8, pose((0.0, 0.0, 0.05)), 0.04)
+    body = Body("cube", BodyKind.MOVABLE, CUBE, pose(), 0.1, 0.8)
+    limit = carried.grasped(scene, robot.name, body, pose((0.0, 0.0, 0.05)), 0.04)
     q = np.stack([robot.q, robot.model.home])
     expected = [multiply(T, pose((0.0, 0.0, 0.05)))[:3] for T in end_effector_poses(scene, robot.name, q)]
     assert limit.position(q) == pytest.approx(np.array(expected))

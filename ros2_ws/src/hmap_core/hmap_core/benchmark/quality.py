@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from hmap_core.trajectory.samples import index_at
 from hmap_core.types import Plan, Segment, SegmentKind
 
 STILL = 1e-7  # rad; joints that move less between two samples stand
@@ -67,8 +68,8 @@ def quality(plan: Plan) -> Quality:
 
 def _samples(plan: Plan, segment: Segment) -> slice:
     """The samples of a segment, its last one included."""
-    first, last = np.searchsorted(plan.trajectory.time, [segment.start - STILL, segment.end - STILL])
-    return slice(int(first), int(last) + 1)
+    time = plan.trajectory.time
+    return slice(index_at(time, segment.start), index_at(time, segment.end) + 1)
 
 
 def _episodes(plan: Plan) -> int:

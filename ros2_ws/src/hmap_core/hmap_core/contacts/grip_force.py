@@ -12,12 +12,12 @@ import numpy as np
 
 from hmap_core.contacts.grasp_torque import GRAVITY
 from hmap_core.transforms import rotation_matrices
-from hmap_core.types import Body, ContactKind, ContactPoint, RobotModel
+from hmap_core.types import AttachedBody, Body, ContactKind, ContactPoint, RobotModel
 
 LIFT_ACCELERATION = 0.6  # m/s^2, upper bound of a grasped body's acceleration; plans stay well below
 
 
-def pad_friction(body: Body, model: RobotModel) -> float:
+def pad_friction(body: Body | AttachedBody, model: RobotModel) -> float:
     """Lateral Coulomb coefficient between a body and the pads: the lower one of both, where the pads' is known."""
     return min(body.friction, float(model.simulation.get("finger_friction", np.inf)))
 

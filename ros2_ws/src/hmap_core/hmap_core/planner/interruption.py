@@ -11,10 +11,9 @@ from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.segment import GRASP_RETREAT, Phase, free_opening
 from hmap_core.planner.conflicts import Conflict
 from hmap_core.planner.planned_contacts import PlannedContact, contact_of, planned_contacts
-from hmap_core.planner.segments import FREE_ACCELERATION, FREE_SPEED, HOLD_ACCELERATION, HOLD_SPEED, SAMPLE_PERIOD
+from hmap_core.planner.segments import FREE_ACCELERATION, FREE_SPEED, HOLD_ACCELERATION, HOLD_SPEED, timed_together
 from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.trajectory.samples import index_at, state_at
-from hmap_core.trajectory.timing import time_parameterise
 from hmap_core.types import JointTrajectory, Plan, Scene, SceneState
 from hmap_core.waypoints import stable_poses
 
@@ -139,14 +138,8 @@ def _timed(
     scene: Scene, robots: Sequence[str], path: np.ndarray, speed: float, acceleration: float
 ) -> dict[str, JointTrajectory]:
     """The motions of robots along a path (M, n) of all their joints, as slow as the slowest of them."""
-    models = {name: scene.robots[name].model for name in robots}
-    velocities = np.concatenate([model.velocity_limits for model in models.values()])
-    accelerations = np.concatenate([model.acceleration_limits for model in models.values()])
-    limits = np.hstack([model.position_limits for model in models.values()])
-    timed = time_parameterise(path, speed * velocities, acceleration * accelerations, SAMPLE_PERIOD, limits)
-    ends = np.cumsum([len(model.joint_names) for model in models.values()])[:-1]
-    q, qd = np.split(timed.q, ends, axis=1), np.split(timed.qd, ends, axis=1)
+    timed = timed_together(scene, robots, path, speed, acceleration)
     return {
-        name: JointTrajectory(model.joint_names, timed.time, own, speeds)
-        for (name, model), own, speeds in zip(models.items(), q, qd, strict=True)
+        name: JointTrajectory(scene.robots[name].model.joint_names, own.time, own.q, own.qd)
+        for name, own in timed.items()
     }

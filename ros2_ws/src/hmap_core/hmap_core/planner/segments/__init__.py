@@ -14,7 +14,7 @@ from hmap_core.planner.segments.timing import (
     FREE_SPEED,
     HOLD_ACCELERATION,
     HOLD_SPEED,
-    SAMPLE_PERIOD,
+    timed_together,
 )
 from hmap_core.planner.segments.transits import standing_collision
 
@@ -23,7 +23,6 @@ __all__ = [
     "FREE_SPEED",
     "HOLD_ACCELERATION",
     "HOLD_SPEED",
-    "SAMPLE_PERIOD",
     "attach_body",
     "carry_together",
     "come",
@@ -34,4 +33,5 @@ __all__ = [
     "place",
     "solve_segment",
     "standing_collision",
+    "timed_together",
 ]

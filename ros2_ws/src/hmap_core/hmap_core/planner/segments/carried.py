@@ -1,17 +1,15 @@
 """How fast a body may be moved: by the grip of the fingers on it, or by the friction of its support."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from hmap_core.collision.convex import convex_set
 from hmap_core.contacts.grasp_torque import GRAVITY
-from hmap_core.contacts.grip_force import LIFT_ACCELERATION
+from hmap_core.contacts.grip_force import LIFT_ACCELERATION, pad_friction
 from hmap_core.planner.segments.attached import end_effector_poses
 from hmap_core.stability.mass import centre_of_mass
 from hmap_core.trajectory.timing import PointLimits
 from hmap_core.transforms import apply, multiply_all, pose
-from hmap_core.types import Gripper, Scene, Shape, TaskMode
+from hmap_core.types import AttachedBody, Body, Gripper, Scene, TaskMode
 
 GRASP_SPEED = 0.5  # m/s of what is grasped
 PUSH_SPEED = 0.2  # m/s of what is pushed or pressed: these contacts are quasi-static
@@ -21,15 +19,7 @@ SUPPORT_SHARE = 0.5  # of the deceleration by friction with which a pushed body 
 LARGEST = 2.0  # m/s^2 of any body
 
 
-def grasped(
-    scene: Scene,
-    robot: str,
-    shapes: Sequence[Shape],
-    mass: float,
-    friction: float,
-    T_ee_body: np.ndarray,
-    opening: float,
-) -> PointLimits:
+def grasped(scene: Scene, robot: str, body: Body | AttachedBody, T_ee_body: np.ndarray, opening: float) -> PointLimits:
     """Limits of the centre of mass of a body in the fingers of a robot.
 
     The pads' friction carries weight and acceleration, and the torque of both about the closing axis
@@ -38,16 +28,16 @@ def grasped(
     Args:
         scene: with the robot.
         robot: name of the robot.
-        shapes, mass, friction: of the body; kg, lateral Coulomb coefficient.
+        body: what it grasps.
         T_ee_body: (7,) pose of the body in the end-effector frame.
         opening: of the gripper, m.
     """
-    centre = apply(T_ee_body, centre_of_mass(convex_set(tuple(shapes))))
+    centre = apply(T_ee_body, centre_of_mass(convex_set(body.shapes)))
     model = scene.robots[robot].model
     acceleration = LARGEST
-    if scene.mode == TaskMode.PHYSICAL and model.gripper is not None and mass > 0.0:
-        friction = min(friction, float(model.simulation.get("finger_friction", np.inf)))
-        acceleration = GRIP_SHARE * _held_weight(model.gripper, friction, centre, opening) / mass - GRAVITY
+    if scene.mode == TaskMode.PHYSICAL and model.gripper is not None and body.mass > 0.0:
+        held = _held_weight(model.gripper, pad_friction(body, model), centre, opening)
+        acceleration = GRIP_SHARE * held / body.mass - GRAVITY
     return _limits(scene, robot, centre, GRASP_SPEED, float(np.clip(acceleration, LIFT_ACCELERATION, LARGEST)))
 
 
@@ -80,7 +70,7 @@ def attached(scene: Scene, robot: str) -> PointLimits | None:
     held = scene.robots[robot].model.attached
     if held is None:
         return None
-    return grasped(scene, robot, held.shapes, held.mass, held.friction, held.T_ee_body, held.opening)
+    return grasped(scene, robot, held, held.T_ee_body, held.opening)
 
 
 def _limits(scene: Scene, robot: str, centre: np.ndarray, speed: float, acceleration: float) -> PointLimits:

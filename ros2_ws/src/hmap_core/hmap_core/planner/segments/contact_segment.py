@@ -269,8 +269,7 @@ class ContactSegment:
             return pushed(self.scene, self.robot, self.object, T_ee_obj)
         if self.contact.kind == ContactKind.PRESS:
             return pressed(self.scene, self.robot, self.object, T_ee_obj)
-        body, opening = self.scene.bodies[self.object], self.contact.opening
-        return grasped(self.scene, self.robot, body.shapes, body.mass, body.friction, T_ee_obj, opening)
+        return grasped(self.scene, self.robot, self.scene.bodies[self.object], T_ee_obj, self.contact.opening)
 
     def _leaving(self, path: np.ndarray) -> SubTrajectory:
         free, closed = self._openings()

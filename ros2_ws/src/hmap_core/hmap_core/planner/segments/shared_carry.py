@@ -20,12 +20,11 @@ from hmap_core.planner.segments.carried import grasped
 from hmap_core.planner.segments.motion_sequence import MotionSequence, held_still
 from hmap_core.planner.segments.motions import FINENESS, come, leave
 from hmap_core.planner.segments.object_steps import thinned
-from hmap_core.planner.segments.timing import HOLD_ACCELERATION, HOLD_SPEED, SAMPLE_PERIOD
+from hmap_core.planner.segments.timing import HOLD_ACCELERATION, HOLD_SPEED, timed_together
 from hmap_core.planner.segments.transits import path_options
 from hmap_core.planner.segments.verification import Masks, executed_spline, worst_between_steps
 from hmap_core.planner.transit import find_transit
 from hmap_core.planner.transit_search import FindTransit
-from hmap_core.trajectory.timing import time_parameterise
 from hmap_core.transforms import consistent, distance, inverse, multiply, multiply_all
 from hmap_core.types import Scene, SceneState, Segment, SegmentKind, Trajectory
 
@@ -64,17 +63,17 @@ def carry_together(
     deadline = time.monotonic() + time_limit
 
     def both_come(order: Sequence[RobotContact]) -> tuple[MotionSequence, list[RobotContact]]:
-        motions, grasped = MotionSequence(state), list[RobotContact]()
+        motions, made = MotionSequence(state), list[RobotContact]()
         away = [name for contact in contacts for name in contact.clear if name != order[0].robot]
         for contact in order:
-            contact = replace(contact, clear=() if grasped else tuple(away))
+            contact = replace(contact, clear=() if made else tuple(away))
             coming = come(scene, motions.state, contact, object, rng, deadline - time.monotonic(), find)
-            motions.add(_held(scene, coming, object, grasped))
-            grasped.append(_as_grasped(scene, motions.state, object, contact))
-        return motions, grasped
+            motions.add(_held(scene, coming, object, made))
+            made.append(_as_grasped(scene, motions.state, object, contact))
+        return motions, made
 
-    motions, grasped = _first_order(contacts, both_come)
-    motions.add(_closed_chain(scene, motions.state, object, grasped, object_poses))
+    motions, made = _first_order(contacts, both_come)
+    motions.add(_closed_chain(scene, motions.state, object, made, object_poses))
 
     def both_leave(order: Sequence[RobotContact]) -> list[SubTrajectory]:
         last, found = MotionSequence(motions.state), []
@@ -84,7 +83,7 @@ def carry_together(
             last.add(found[-1])
         return found
 
-    for leaving in _first_order(grasped, both_leave):
+    for leaving in _first_order(made, both_leave):
         motions.add(leaving)
     return motions.joined()
 
@@ -170,16 +169,13 @@ def _timed(
         MotionError: the hands would tear the object apart.
     """
     models = [scene.robots[contact.robot].model for contact in contacts]
-    speed = HOLD_SPEED * np.concatenate([model.velocity_limits for model in models])
-    acceleration = HOLD_ACCELERATION * np.concatenate([model.acceleration_limits for model in models])
-    limits = np.hstack([model.position_limits for model in models])
-    body, leader, joints_of_leader = scene.bodies[object], contacts[0], len(models[0].joint_names)
+    leader, joints_of_leader = contacts[0], len(models[0].joint_names)
     T_ee_obj, opening = inverse(leader.contact.T_obj_ee), leader.contact.opening
-    alone = grasped(scene, leader.robot, body.shapes, body.mass, body.friction, T_ee_obj, opening)
+    alone = grasped(scene, leader.robot, scene.bodies[object], T_ee_obj, opening)
     carried = replace(alone, position=lambda q: alone.position(q[:, :joints_of_leader]))
-    q = time_parameterise(path, speed, acceleration, SAMPLE_PERIOD, limits, carried).q
-    ends = np.cumsum([len(model.joint_names) for model in models])
-    joints = dict(zip((contact.robot for contact in contacts), np.split(q, ends[:-1], axis=1), strict=True))
+    robots = [contact.robot for contact in contacts]
+    timed = timed_together(scene, robots, path, HOLD_SPEED, HOLD_ACCELERATION, carried)
+    joints = {name: own.q for name, own in timed.items()}
     hands = {name: end_effector_poses(scene, name, own) for name, own in joints.items()}
     first, *others = hands.values()
     for name, own in zip(list(hands)[1:], others, strict=True):
@@ -189,8 +185,8 @@ def _timed(
             amount = f"{off[0] * 1e3:.2f} mm and {np.rad2deg(off[1]):.2f} deg"
             raise MotionError(f"the hand of '{name}' would move by {amount} on '{object}' against the other one")
     poses = _mean([multiply_all(hands[own.robot], inverse(own.contact.T_obj_ee)) for own in contacts])
-    times = np.arange(len(q)) * SAMPLE_PERIOD
-    openings = {contact.robot: np.full(len(q), state.gripper[contact.robot]) for contact in contacts}
+    times = timed[leader.robot].time
+    openings = {contact.robot: np.full(len(times), state.gripper[contact.robot]) for contact in contacts}
     segments = tuple(
         Segment(
             0.0,

@@ -1,10 +1,12 @@
 """How fast the parts of a segment are: trajectories along paths, and the openings of grippers."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from hmap_core.contacts.press_efforts import PRESS_TIME
 from hmap_core.planner.segments.carried import attached
-from hmap_core.trajectory.timing import PointLimits, time_parameterise
+from hmap_core.trajectory.timing import PointLimits, TimedPath, time_parameterise
 from hmap_core.types import Gripper, Scene
 
 SAMPLE_PERIOD = 0.02  # s between two samples of a plan
@@ -32,9 +34,30 @@ def timed(
     Raises:
         MotionError: a point of the path is beyond the joint limits.
     """
-    model = scene.robots[robot].model
-    limits = speed * model.velocity_limits, acceleration * model.acceleration_limits
-    return time_parameterise(path, *limits, SAMPLE_PERIOD, model.position_limits, carried).q
+    return timed_together(scene, (robot,), path, speed, acceleration, carried)[robot].q
+
+
+def timed_together(
+    scene: Scene,
+    robots: Sequence[str],
+    path: np.ndarray,
+    speed: float,
+    acceleration: float,
+    carried: PointLimits | None = None,
+) -> dict[str, TimedPath]:
+    """The motion of each robot along a path (M, n) of all their joints, as slow as the slowest of them.
+
+    Arguments and exceptions as of :func:`timed`.
+    """
+    models = [scene.robots[name].model for name in robots]
+    velocities = np.concatenate([model.velocity_limits for model in models])
+    accelerations = np.concatenate([model.acceleration_limits for model in models])
+    positions = np.hstack([model.position_limits for model in models])
+    limits = speed * velocities, acceleration * accelerations
+    timed = time_parameterise(path, *limits, SAMPLE_PERIOD, positions, carried)
+    ends = np.cumsum([len(model.joint_names) for model in models])[:-1]
+    parts = zip(robots, np.split(timed.q, ends, axis=1), np.split(timed.qd, ends, axis=1), strict=True)
+    return {name: TimedPath(timed.time, q, qd) for name, q, qd in parts}
 
 
 def timed_contact(scene: Scene, robot: str, path: np.ndarray, carried: PointLimits | None) -> np.ndarray:
