@@ -7,6 +7,21 @@ import pytest
 
 FIRST_DOMAIN, DOMAINS = 120, 100  # ROS_DOMAIN_ID; each process of tests takes its own
 UP_LIMIT = 180.0  # s for all nodes to be up on a busy machine
+# a task that needs a single contact
+TASK = """
+schema: 1
+description: Carry a brick along a table.
+mode: physical
+fixed:
+  table: {shape: box, size: [2.4, 2.4, 0.1], pose: {xyz: [0, 0, -0.05]}}
+movable:
+  brick: {shape: box, size: [0.05, 0.05, 0.08], pose: {xyz: [0.5, -0.2, 0.04]}, mass: 0.3, friction: 0.6}
+robots:
+  arm: {model: panda, base: {xyz: [0, 0, 0], rpy_deg: [0, 0, 0]}}
+cameras:
+  overhead: {position: [1.1, 0.0, 1.4], look_at: [0.5, 0, 0]}
+goal: {object: brick, pose: {xyz: [0.5, 0.2, 0.04]}}
+"""
 NODES = ("world", "komo_optimiser", "supervisor", "contact_proposer", "waypoint_planner", "perception")
 
 os.environ["ROS_DOMAIN_ID"] = str(FIRST_DOMAIN + os.getpid() % DOMAINS)

@@ -4,7 +4,7 @@ import threading
 
 import numpy as np
 import pytest
-from conftest import wait_until_up
+from conftest import NODES, TASK, wait_until_up
 
 from hmap.conversions import plan_from_message
 from hmap.launcher.processes import Graph
@@ -20,21 +20,6 @@ from hmap_core.trajectory.samples import index_at
 from hmap_msgs.msg import BodyArray, Plan
 from hmap_msgs_py.bodies import body_from_message
 
-TASK = """
-schema: 1
-description: Carry a brick along a table.
-mode: physical
-fixed:
-  table: {shape: box, size: [2.4, 2.4, 0.1], pose: {xyz: [0, 0, -0.05]}}
-movable:
-  brick: {shape: box, size: [0.05, 0.05, 0.08], pose: {xyz: [0.5, -0.2, 0.04]}, mass: 0.3, friction: 0.6}
-robots:
-  arm: {model: panda, base: {xyz: [0, 0, 0], rpy_deg: [0, 0, 0]}}
-cameras:
-  overhead: {position: [1.1, 0.0, 1.4], look_at: [0.5, 0, 0]}
-goal: {object: brick, pose: {xyz: [0.5, 0.2, 0.04]}}
-"""
-NODES = ("world", "komo_optimiser", "supervisor", "contact_proposer", "waypoint_planner", "perception")
 TIME_LIMIT = 240.0  # s for planning on a busy machine
 ANSWER_LIMIT = 60.0  # s for a service
 PATIENCE = 0.1  # s between two looks at whether the nodes live

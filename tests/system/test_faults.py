@@ -10,28 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import no_traces, wait_until_up
+from conftest import NODES, TASK, no_traces, wait_until_up
 from sensor_msgs.msg import JointState
 
 from hmap.launcher.processes import Graph
 from hmap.session import Session
 from hmap_core.exceptions import Code, ExecutionError
 
-TASK = """
-schema: 1
-description: Carry a brick along a table.
-mode: physical
-fixed:
-  table: {shape: box, size: [2.4, 2.4, 0.1], pose: {xyz: [0, 0, -0.05]}}
-movable:
-  brick: {shape: box, size: [0.05, 0.05, 0.08], pose: {xyz: [0.5, -0.2, 0.04]}, mass: 0.3, friction: 0.6}
-robots:
-  arm: {model: panda, base: {xyz: [0, 0, 0], rpy_deg: [0, 0, 0]}}
-cameras:
-  overhead: {position: [1.1, 0.0, 1.4], look_at: [0.5, 0, 0]}
-goal: {object: brick, pose: {xyz: [0.5, 0.2, 0.04]}}
-"""
-NODES = ("recorder", "world", "komo_optimiser", "supervisor", "contact_proposer", "waypoint_planner", "perception")
+ALL_NODES = ("recorder", *NODES)
 TIME_LIMIT = 240.0  # s for planning on a busy machine
 LIMIT = 300.0  # s for a goal; it hangs beyond
 PATIENCE = 0.1  # s between two looks
@@ -102,7 +88,7 @@ def cell(tmp_path_factory):
             "recorder": {"path": folder / "bag"},
             "supervisor": {"replans": 4},
         }
-        for name in NODES:
+        for name in ALL_NODES:
             graph.start(name, parameters.get(name))
         wait_until_up(graph, session)
         yield cell
