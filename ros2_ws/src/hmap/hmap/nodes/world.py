@@ -47,9 +47,9 @@ class WorldNode(HmapNode):
         )
         idle = self.parameter("idle_real_time_factor", 1.0, "the same while no robot moves", 0.1, 1000.0)
         self._periods = {
-            "clock": 1.0 / self.parameter("clock_rate", 20.0, "of /clock at least, Hz of real time", 1.0, 1000.0),
-            "joints": 1.0 / self.parameter("joint_state_rate", 20.0, "of joint_states, Hz of real time", 1.0, 1000.0),
-            "poses": 1.0 / self.parameter("body_pose_rate", 15.0, "of the bodies' poses, Hz of real time", 1.0, 1000.0),
+            "clock": 1.0 / self.parameter("clock_rate", 20.0, "of /clock at least, Hz of both times", 1.0, 1000.0),
+            "joints": 1.0 / self.parameter("joint_state_rate", 20.0, "of joint_states at least, Hz of both times", 1.0, 1000.0),
+            "poses": 1.0 / self.parameter("body_pose_rate", 15.0, "of bodies' poses at least, Hz of both times", 1.0, 1000.0),
         }
         self._camera_period = self.parameter(
             "camera_period", 4.0, "simulated s between pictures, taken when something has moved; 0: on demand", 0.0, 1e6
@@ -60,7 +60,7 @@ class WorldNode(HmapNode):
         self._clock_topic = self.create_publisher(Clock, "clock", 10)
         self._joints = self.create_publisher(JointState, "joint_states", 10)
         self._scene = self.create_publisher(SceneMessage, "scene", LATCHED)
-        self._last: dict[str, float] = {}
+        self._last: dict[tuple[str, str], float] = {}
         self._pictured: np.ndarray | None = None
         self._actions: dict[str, ControllerActions] = {}
         self._poses: dict[str, Publisher] = {}
@@ -181,24 +181,32 @@ class WorldNode(HmapNode):
         if self.stopping.is_set():
             return
         stamp = time_to_message(world.time)
-        clock, joints, poses = (self._due(what) for what in ("clock", "joints", "poses"))
+        clock, joints, poses = (self._due(what, world) for what in ("clock", "joints", "poses"))
         if clock or joints or poses:  # no stamp is ahead of the clock
             self._clock_topic.publish(Clock(clock=stamp))
         if joints:
             self._joints.publish(self._joint_state(world, stamp))
         if poses:
             self._publish_poses(world, stamp)
-        if self._camera_period > 0.0 and world.time - self._last.get("pictures", -np.inf) >= self._camera_period:
-            self._last["pictures"] = world.time
+        if self._camera_period > 0.0 and self._passed("pictures", "simulated", world.time, self._camera_period):
             if self._pictured is None or np.abs(self._configuration(world) - self._pictured).max() > MOVED:
                 self._picture(world)
 
-    def _due(self, what: str) -> bool:
-        now, period = time.monotonic(), self._periods[what]
-        due = self._last.get(what, -np.inf) + period
-        if now < due:
+    def _due(self, what: str, world: SimulatedWorld) -> bool:
+        """Whether a period has passed: of real time, for who waits, or of simulated time, for who reads the bag."""
+        period = self._periods[what]
+        passed = [
+            self._passed(what, "real", time.monotonic(), period),
+            self._passed(what, "simulated", world.time, period),
+        ]
+        return any(passed)
+
+    def _passed(self, what: str, clock: str, now: float, period: float) -> bool:
+        last = self._last.get((what, clock), -np.inf)
+        if last <= now < last + period:
             return False
-        self._last[what] = max(due, now - period)  # a late message shortens the next period, by one period at most
+        # a late one shortens the next period, by one period at most; a clock that went back begins anew
+        self._last[what, clock] = min(now, max(last + period, now - period))
         return True
 
     def _joint_state(self, world: SimulatedWorld, stamp: Time) -> JointState:
