@@ -47,6 +47,7 @@ LAYERS = (
     {"komo", "stability", "validation"},
     {"waypoints", "contacts"},
     {"planner"},
+    {"baselines"},
     {"execution"},
     {"simulation"},
     {"benchmark", "evaluation", "robot_setup", "viz"},
