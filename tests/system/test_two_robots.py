@@ -16,6 +16,7 @@ from hmap_core.validation import check
 EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
 TASKS = ("hand_over", "two_arms")
 TOGETHER = 0.05  # s that two arms may be apart in their common motion
+PERIOD = 0.15  # s of simulated time, at most, between two joint states
 SEARCH, STEP = 0.4, 0.005  # s round a guess in which the start of a motion is searched
 # Reads the joint states of a bag with nothing of hmap and ROS within reach.
 READER = """
@@ -92,8 +93,9 @@ def test_the_bag_holds_the_run(run, bag):
     for name, q in plan.trajectory.joints.items():
         moved = np.ptp(q, axis=0)
         for joint, planned in zip(plan.scene.robots[name].model.joint_names, moved, strict=True):
-            measured = np.ptp([position for _, position in bag["joints"][f"{name}_{joint}"]])
-            assert measured == pytest.approx(planned, abs=0.05)
+            stamps, measured = np.transpose(bag["joints"][f"{name}_{joint}"])
+            assert np.diff(stamps).max() < PERIOD
+            assert np.ptp(measured) == pytest.approx(planned, abs=0.05)
 
 
 @pytest.mark.slow

@@ -31,6 +31,7 @@ from hmap_msgs_py.poses import pose_from_message, pose_to_message
 from hmap_msgs_py.times import time_to_message
 
 FRAME = "world"
+DEPTH = 100  # messages that wait for a recorder, which may lag when the simulation is fast
 MOVED = 0.003  # m or rad; smallest motion after which a new picture is taken
 
 
@@ -46,11 +47,12 @@ class WorldNode(HmapNode):
             "real_time_factor", 4.0, "simulated s per s while a robot moves; 0: as fast as possible", 0.0, 1000.0
         )
         idle = self.parameter("idle_real_time_factor", 1.0, "the same while no robot moves", 0.1, 1000.0)
-        self._periods = {
-            "clock": 1.0 / self.parameter("clock_rate", 20.0, "of /clock at least, Hz of both times", 1.0, 1000.0),
-            "joints": 1.0 / self.parameter("joint_state_rate", 20.0, "of joint_states at least, Hz of both times", 1.0, 1000.0),
-            "poses": 1.0 / self.parameter("body_pose_rate", 15.0, "of bodies' poses at least, Hz of both times", 1.0, 1000.0),
+        rates = {
+            "clock": self.parameter("clock_rate", 20.0, "of /clock at least, Hz", 1.0, 1000.0),
+            "joints": self.parameter("joint_state_rate", 20.0, "of joint_states at least, Hz", 1.0, 1000.0),
+            "poses": self.parameter("body_pose_rate", 15.0, "of the bodies' poses at least, Hz", 1.0, 1000.0),
         }
+        self._periods = {what: 1.0 / rate for what, rate in rates.items()}  # s of real and of simulated time
         self._camera_period = self.parameter(
             "camera_period", 4.0, "simulated s between pictures, taken when something has moved; 0: on demand", 0.0, 1e6
         )
@@ -58,7 +60,7 @@ class WorldNode(HmapNode):
         about = "whether bodies of the service add_body are in `scene`; false: only cameras see them"
         self._announce = self.parameter("announce_added", True, about)
         self._clock_topic = self.create_publisher(Clock, "clock", 10)
-        self._joints = self.create_publisher(JointState, "joint_states", 10)
+        self._joints = self.create_publisher(JointState, "joint_states", DEPTH)
         self._scene = self.create_publisher(SceneMessage, "scene", LATCHED)
         self._last: dict[tuple[str, str], float] = {}
         self._pictured: np.ndarray | None = None
@@ -172,7 +174,7 @@ class WorldNode(HmapNode):
             self._loop.call(lambda: [self.destroy_publisher(publisher) for publisher in gone])
         for name in movable:
             if name not in self._poses:
-                self._poses[name] = self.create_publisher(PoseStamped, self._naming.body_pose(name), 10)
+                self._poses[name] = self.create_publisher(PoseStamped, self._naming.body_pose(name), DEPTH)
         self._scene.publish(scene_to_message(scene if self._announce else self._loop.scene_without_added()))
 
     # in the simulation thread
