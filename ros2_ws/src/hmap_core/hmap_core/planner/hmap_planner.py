@@ -22,7 +22,7 @@ from hmap_core.planner.search_tree import SearchTree
 from hmap_core.planner.solution_sequence import SolutionSequence
 from hmap_core.planner.tools import attach_tool, with_tool_attached
 from hmap_core.trajectory.measured_limits import within_limits
-from hmap_core.types import Plan, Scene, SceneState, SegmentKind
+from hmap_core.types import Goal, Plan, Scene, SceneState, SegmentKind
 from hmap_core.validation import Report, check
 
 DEFAULT_TIME_LIMIT = 60.0  # s
@@ -125,6 +125,15 @@ class PlanningJob:
 
     def plan(self) -> Plan:
         """Check the task, and search. Raises HmapError."""
+        goal = self.checked_goal()
+        return self.search.plan(goal, SolutionSequence(self.start, tool_grasp=self.tool_grasp), self.accepted)
+
+    def checked_goal(self) -> Goal:
+        """Check the task before anything is planned; the goal, where its object can stand within the tolerance.
+
+        Raises:
+            HmapError: the task is wrong, or cannot be solved.
+        """
         goal = self.scene.goal
         preconditions.check_goal(self.scene, goal)
         if self._as_written:
@@ -140,13 +149,13 @@ class PlanningJob:
         preconditions.check_weight(self.scene, self.start, goal)
         tool = None if self.tool_grasp is None else self.tool_grasp.tool
         preconditions.check_loads(self.scene, self.start, goal, tool)
-        return self.search.plan(goal, SolutionSequence(self.start, tool_grasp=self.tool_grasp), self._accepted)
+        return goal
 
     def noted(self) -> dict[str, list[str]]:
         """The notes as a part of a plan's statistics; nothing where there are none."""
         return {"notes": list(self.notes)} if self.notes else {}
 
-    def _accepted(self, solution: Solution) -> Plan | None:
+    def accepted(self, solution: Solution) -> Plan | None:
         """The plan, if the judge accepts it."""
         sequence, waypoints, record = solution.sequence, solution.waypoints, self.context.record
         planning_time = time.monotonic() - self.context.budget.began

@@ -37,7 +37,10 @@ _BUILT_IN = {
         "hmap": "hmap_core.planner.transit:TreeTransit",
         "ompl": "hmap_core.planner.ompl_transit:OmplTransit",
     },
-    PLANNERS: {"hmap": "hmap_core.planner.hmap_planner:HmapPlanner"},
+    PLANNERS: {
+        "hmap": "hmap_core.planner.hmap_planner:HmapPlanner",
+        "birrt": "hmap_core.baselines.birrt:BirrtPlanner",
+    },
 }
 _registered: dict[str, dict[str, "Plugin"]] = {group: {} for group in KINDS}
 
