@@ -40,6 +40,8 @@ _BUILT_IN = {
     PLANNERS: {
         "hmap": "hmap_core.planner.hmap_planner:HmapPlanner",
         "birrt": "hmap_core.baselines.birrt:BirrtPlanner",
+        "komo": "hmap_core.baselines.komo.planner:Komo",
+        "lgp_star": "hmap_core.baselines.lgp_star.planner:LgpStar",
     },
 }
 _registered: dict[str, dict[str, "Plugin"]] = {group: {} for group in KINDS}

@@ -91,7 +91,14 @@ class ContactSegment:
         before = self._drawn_back(self.T_start, self.keyframes[0], Phase.APPROACH)
         after = self._drawn_back(self.T_end, self.keyframes[-1], Phase.RETREAT)
         make = partial(self.problem, segment_skeleton(self.robot, self.object, self.contact, self.poses))
-        coming, carrying, leaving = self._split(*self._search(make, before, after, rng, deadline))
+        return self.trajectories(*self._split(*self._search(make, before, after, rng, deadline)))
+
+    def trajectories(self, coming: np.ndarray, carrying: np.ndarray, leaving: np.ndarray) -> list[SubTrajectory]:
+        """The timed motions along the paths (M, n) to the contact, with the object, and away from it.
+
+        Raises:
+            MotionError: a point of a path is beyond the joint limits.
+        """
         parts = self._coming(coming), self._carrying(carrying), self._leaving(leaving)
         return [with_attached(self.scene, own) for own in parts]
 
