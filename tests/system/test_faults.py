@@ -14,6 +14,7 @@ from conftest import NODES, TASK, no_traces, wait_until_up
 from sensor_msgs.msg import JointState
 
 from hmap.launcher.processes import Graph
+from hmap.operator_client import OperatorClient
 from hmap.session import Session
 from hmap_core.exceptions import Code, ExecutionError
 
@@ -22,6 +23,7 @@ TIME_LIMIT = 240.0  # s for planning on a busy machine
 LIMIT = 300.0  # s for a goal; it hangs beyond
 PATIENCE = 0.1  # s between two looks
 STOPPED = 4.0  # s on a busy machine for the death of the supervisor to be noticed and for arms to brake
+STEP = 2e-4  # rad between two measurements of an arm that moves
 STILL = 2e-3  # rad that an arm which stands is measured to move
 
 
@@ -134,6 +136,55 @@ def test_a_node_that_is_killed_while_an_arm_moves_does_not_end_the_run(cell, nam
     assert result.success, result.error
     assert result.executed and restarted(cell, name, starts)
     cell.graph.check()
+
+
+# the operator
+
+
+def rest_after(cell, began: float) -> float:
+    """Seconds after a time (of the steady clock) at which the arm has come to rest, once it stands for a second."""
+    until = time.monotonic() + STOPPED
+    while time.monotonic() < until:
+        late = [(at, q) for at, q in list(cell.joints) if at > began]
+        moved = [
+            at for (at, q), (_, before) in zip(late[1:], late[:-1], strict=True) if np.abs(q - before).max() > STEP
+        ]
+        last = moved[-1] if moved else began
+        if late and late[-1][0] - last > 1.0:
+            return last - began
+        time.sleep(PATIENCE)
+    raise AssertionError("the arm does not come to rest")
+
+
+@pytest.mark.slow
+def test_an_operator_pauses_slows_and_stops_the_arm(cell):
+    operator, rests = OperatorClient(cell.session.node), []
+
+    def pause_slow_and_go_on() -> None:
+        began = time.monotonic()
+        assert operator.call("pause")[0]
+        rests.append(rest_after(cell, began))
+        assert cell.session.feedback().phase == "paused"
+        operator.scale_speed(0.5)
+        assert operator.call("resume")[0]
+
+    result = cell.goal_while_moving(pause_slow_and_go_on)
+    assert result.success and result.executed, result.error
+    operator.scale_speed(float("nan"))  # named, and nothing changes
+
+    def stop() -> None:
+        began = time.monotonic()
+        assert operator.call("stop")[0]
+        rests.append(rest_after(cell, began))
+
+    result = cell.goal_while_moving(stop)
+    assert result.error.code is Code.CANCELED and result.executed
+    assert "speed_scaling = nan: it has to be above 0" in cell.graph.nodes["supervisor"].log.read_text()
+    operator.scale_speed(1.0)
+    assert operator.call("resume") == (False, "nothing is paused")
+    assert not operator.call("stop")[0] and not operator.call("confirm")[0]
+    print("seconds to rest:", rests)
+    assert max(rests) < STOPPED
 
 
 @pytest.mark.slow

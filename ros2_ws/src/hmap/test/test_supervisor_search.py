@@ -33,7 +33,7 @@ def test_a_failed_job_carries_its_search_tree():
     assert json.loads(entry.value) == SEARCH
 
 
-def supervisor_with(plan, alive: int = 0):
+def supervisor_with(plan, alive: int = 0, dry_run: bool = False):
     """What a goal needs of the supervisor, which has planned, and the job."""
     scene = load_scene("tunnel", 0)
     node = SimpleNamespace(
@@ -43,6 +43,8 @@ def supervisor_with(plan, alive: int = 0):
         _goal_scene=lambda job: scene,
         _scene_monitor=SimpleNamespace(settled=lambda _: None, changed=lambda: 0.0, scene=lambda: scene),
         _plan=lambda *_: plan,
+        _operator=SimpleNamespace(dry_run=dry_run),
+        _compare=lambda *_: None,
     )
     goal = SimpleNamespace(time_limit=0.0, plan_only=False)
     return node, SimpleNamespace(goal=goal, result=Manipulate.Result())
@@ -60,4 +62,13 @@ def test_goals_are_refused_while_two_supervisors_run():
     node, job = supervisor_with(None, alive=1)
     with pytest.raises(InputError, match="another supervisor runs on this cell already"):
         Supervisor._manipulate(node, job)
+    assert not job.result.executed
+
+
+def test_in_a_dry_run_a_plan_is_not_executed():
+    goal = SimpleNamespace(object="box")
+    scene = SimpleNamespace(mode=TaskMode.PHYSICAL, task="tunnel", goal=goal)
+    plan = SimpleNamespace(scene=scene, trajectory=SimpleNamespace(objects={"box": [None]}))
+    node, job = supervisor_with(plan, dry_run=True)
+    Supervisor._manipulate(node, job)  # has neither controllers nor an executor
     assert not job.result.executed

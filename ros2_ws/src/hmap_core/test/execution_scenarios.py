@@ -12,6 +12,7 @@ from simulation_fixtures import box, scene
 
 from hmap_core import transforms
 from hmap_core.exceptions import Code, PlannerError
+from hmap_core.execution.pace import Pace
 from hmap_core.execution.plan_executor import PlanExecutor
 from hmap_core.execution.ports import Ports
 from hmap_core.execution.recovery import RecoveryPolicy
@@ -160,4 +161,85 @@ def blocked_ahead(stage_of: StageOf) -> None:
         assert not report.solved and report.code is Code.WAY_BLOCKED and stage.stands()
 
 
-SCENARIOS = (follow_to_the_end, grip_on_nothing, cancel, blocked_ahead)
+def pause(stage_of: StageOf) -> None:
+    """Paused on the way, where nothing moves for a second, and resumed; once with and once without the box."""
+    for carried in (False, True):
+        plan, pace, stood = dragging(), Pace(), []
+
+        def look(carried=carried, pace=pace, stood=stood) -> bool:
+            if pace.paused:
+                stood.append((stage.ports.clock.now(), stage.q().copy()))
+                if stood[-1][0] - stood[0][0] > 2.0:
+                    pace.resume()
+            elif not stood and stage.under_way():
+                shift = np.abs(stage.ports.observation.state().poses["box"][:3] - START).max()
+                if not carried or shift > 0.02:
+                    pace.pause()
+            return False
+
+        with stage_of(plan) as stage:
+            report = PlanExecutor(stage.ports, canceled=look, pace=pace).run(plan)
+            assert report.solved, report.reason
+            late = [q for at, q in stood if at - stood[0][0] > 1.0]
+            assert len(late) > 10 and np.ptp(late, axis=0).max() < STILL
+            assert np.abs(late[0] - plan.trajectory.joints[ROBOT]).max(axis=1).min() < 0.02  # on the path
+
+
+def slow(stage_of: StageOf) -> None:
+    """Slower from the start, and slower on the way: it takes longer, and ends alike."""
+    plan, speeds = dragging(), []
+
+    def duration(pace: Pace, look) -> float:
+        with stage_of(plan) as stage:
+            looked, last = look(stage, pace), [(0.0, stage.q().copy())]
+
+            def watch() -> bool:
+                now = stage.ports.clock.now()
+                if now - last[0][0] > 0.1:
+                    speeds[-1].append(np.abs(stage.q() - last[0][1]).max() / (now - last[0][0]))
+                    last[0] = now, stage.q().copy()
+                return looked()
+
+            speeds.append([])
+            began = stage.ports.clock.now()
+            report = PlanExecutor(stage.ports, canceled=watch, pace=pace).run(plan)
+            assert report.solved, report.reason
+            return stage.ports.clock.now() - began
+
+    def nothing(stage, pace):
+        return lambda: False
+
+    def later(stage, pace):
+        def look() -> bool:
+            if pace.speed == 1.0 and stage.under_way():
+                pace.set_speed(0.3)
+            return False
+
+        return look
+
+    full, half = duration(Pace(), nothing), duration(Pace(0.5), nothing)
+    assert half > full + 0.5 * plan.trajectory.time[-1]
+    assert max(speeds[1]) < 0.6 * max(speeds[0])
+    gentle = duration(Pace(acceleration=0.25), nothing)
+    assert gentle == pytest.approx(half, rel=0.02)
+    assert duration(Pace(), later) > half
+    assert max(speeds[-1][len(speeds[-1]) // 2 :]) < 0.4 * max(speeds[0])
+
+
+def cancel_a_pause(stage_of: StageOf) -> None:
+    plan, pace, looks = dragging(), Pace(), []
+
+    def look() -> bool:
+        if stage.under_way():
+            pace.pause()
+            looks.append(stage.ports.clock.now())
+        return bool(looks) and looks[-1] - looks[0] > 2.0
+
+    with stage_of(plan) as stage:
+        with pytest.raises(PlannerError) as caught:
+            PlanExecutor(stage.ports, canceled=look, pace=pace).run(plan)
+        assert caught.value.code is Code.CANCELED and stage.stands() and stage.under_way()
+
+
+SCENARIOS = (follow_to_the_end, grip_on_nothing, cancel, blocked_ahead, pause, cancel_a_pause)
+TIMED = (slow,)  # need a clock that runs with the world

@@ -156,6 +156,7 @@ class LateObservation:
         return self._world.changed
 
     def wait_for_change(self, since, patience, canceled) -> bool:
+        self._world.advance(patience)
         return self._world.changed > since
 
     def state(self) -> SceneState:

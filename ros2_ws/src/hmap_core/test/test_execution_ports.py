@@ -3,7 +3,7 @@
 from contextlib import contextmanager
 
 import pytest
-from execution_scenarios import ROBOT, SCENARIOS, Stage, dragging
+from execution_scenarios import ROBOT, SCENARIOS, TIMED, Stage, dragging
 from kinematic_world import KinematicWorld, kinematic_ports
 
 from hmap_core.execution.plan_executor import PlanExecutor
@@ -24,7 +24,7 @@ def kinematic(plan):
     yield Stage(kinematic_ports(world), world, lambda: world.now.q[ROBOT], lambda: world.advance(0.1))
 
 
-@pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda scenario: scenario.__name__)
+@pytest.mark.parametrize("scenario", SCENARIOS + TIMED, ids=lambda scenario: scenario.__name__)
 @pytest.mark.parametrize("stage_of", [simulated, kinematic], ids=lambda stage_of: stage_of.__name__)
 def test_executions_end_alike(stage_of, scenario):
     scenario(stage_of)

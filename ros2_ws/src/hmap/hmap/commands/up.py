@@ -48,6 +48,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     speed = "simulated seconds per second while a robot moves (4; with dynamic obstacles 1); 0: as fast as possible"
     parser.add_argument("--speed", type=zero_or_more, metavar="X", help=speed)
     parser.add_argument("--plan-only", action="store_true", help="do not execute the plan")
+    dry = "plan and show, with a supervisor that never moves anything"
+    parser.add_argument("--dry-run", action="store_true", help=dry)
+    scaling = "of planned speeds while robots move, in (0, 1] (1)"
+    parser.add_argument("--speed-scaling", type=positive, default=1.0, metavar="X", help=scaling)
     parser.add_argument("--no-picture", action="store_true", help="do not draw the plan")
     count = "bodies that appear near the path while it is executed, seen by the cameras only (1)"
     parser.add_argument("--dynamic-obstacles", type=natural, nargs="?", const=1, default=0, metavar="N", help=count)
@@ -68,9 +72,11 @@ def run(arguments: argparse.Namespace) -> int:
     """
     prepare_process()
     keep_for_results()
+    from hmap_core.execution.pace import scale
     from hmap_core.planner.preconditions import check_bodies  # slow to import, as is all of ROS below
     from hmap_core.scenes import load_scene
 
+    scale("--speed-scaling", arguments.speed_scaling)
     scene = load_scene(arguments.task, arguments.seed)
     ensure_compiled(lambda text: print(text, file=sys.stderr))
     check_bodies(scene, scene.goal)
@@ -148,7 +154,9 @@ def _start(graph: Graph, session, arguments: argparse.Namespace, folder: Path, l
         world["announce_added"] = False
         graph.start("dynamic_obstacles", {"count": arguments.dynamic_obstacles, "seed": arguments.seed})
     graph.start("world", world)
-    for name in ("komo_optimiser", "supervisor", "contact_proposer", "waypoint_planner", "perception"):
+    graph.start("komo_optimiser")
+    graph.start("supervisor", {"dry_run": arguments.dry_run, "speed_scaling": arguments.speed_scaling})
+    for name in ("contact_proposer", "waypoint_planner", "perception"):
         graph.start(name)
     until = time.monotonic() + START_LIMIT
     while len(up := session.ready(nodes := graph.expected())) < len(nodes):

@@ -23,6 +23,7 @@ from hmap.requests import OFFERED_BY, Caller, time_limit
 from hmap.supervision.controllers import CONTROLLER_TIMEOUT, START_TOLERANCE, Controllers
 from hmap.supervision.gripper_position import DESCRIPTION, GAP, PARAMETER, GripperPosition
 from hmap.supervision.markers import markers_of
+from hmap.supervision.operator_controls import OperatorControls
 from hmap.supervision.ports import ros_ports
 from hmap.supervision.scene_monitor import SceneMonitor
 from hmap_core import planner, transforms
@@ -49,6 +50,7 @@ LOADING_LIMIT = 30.0  # s for a scene to be loaded
 UNDISTURBED = 1.0  # s in which plan repair does not share the interpreter with callbacks; a cancellation waits as long
 REHEARSAL_LIMIT = 30.0  # s
 STOPPING, REPLANNING = "stopping", "replanning"  # phases beside those of PlannerStatus
+PAUSED, CONFIRMING = "paused", "confirming"
 SECOND = (
     "another supervisor runs on this cell already (a node 'supervisor' in the same namespace and ROS domain), and two "
     "would move the same arms; end one of them, or start it in another namespace"
@@ -67,6 +69,10 @@ class Job:
     plans: int = 0  # that were asked for
     blocked: int = 0  # how often a body came in the way
     last_blocked: tuple[Plan, float] | None = None  # the last blocked plan, and up to which time (s)
+    stops: int = 0  # how often the operator had asked to stop when it began
+    moves: bool = False  # whether its plan is executed
+    ended: bool = False
+    doing: str = ""  # what is executed
     replans: list[dict] = field(default_factory=list)  # how each new plan because of that was found
 
     @property
@@ -123,6 +129,8 @@ class Supervisor(HmapNode):
         self._scene_monitor.on_change(self._controllers.news.set)
         self._turn, self._jobs = threading.Lock(), threading.Lock()
         self._job: Job | None = None
+        self._operator = OperatorControls(self, self._has_goal, self._paced)
+        self._controllers.locked = self._operator.dry_run
         self._server = ActionServer(
             self,
             Manipulate,
@@ -130,14 +138,33 @@ class Supervisor(HmapNode):
             self._execute,
             callback_group=self.group,
             goal_callback=lambda _: GoalResponse.ACCEPT,
-            cancel_callback=lambda _: CancelResponse.ACCEPT,
+            cancel_callback=self._cancel,
         )
         self._say(None, PlannerStatus.IDLE, "waiting for a goal")
+
+    # the operator
+
+    def _has_goal(self) -> bool:
+        with self._jobs:
+            return self._job is not None and not self._job.ended
+
+    def _cancel(self, _) -> CancelResponse:
+        self._controllers.news.set()  # who waits looks again
+        return CancelResponse.ACCEPT
+
+    def _paced(self) -> None:
+        """The operator has changed something: who waits for a motion looks again, and everybody is told."""
+        self._controllers.news.set()
+        with self._jobs:
+            job = self._job
+        if job is not None and not job.ended and job.moves:
+            paused = self._operator.pace.paused
+            self._say(job, PAUSED if paused else PlannerStatus.EXECUTION, "by the operator" if paused else job.doing)
 
     # one goal
 
     def _execute(self, handle: ServerGoalHandle) -> Manipulate.Result:
-        job = Job(handle)
+        job = Job(handle, stops=self._operator.stops)
         with self._jobs:
             if self._job is not None:
                 self._job.replaced.set()
@@ -146,6 +173,7 @@ class Supervisor(HmapNode):
             error = self._error_of(job)
         job.result.error = error_to_message(error)
         job.result.success = error is None
+        job.ended = True
         if error is None:
             self._say(job, PlannerStatus.DONE, "done")
             handle.succeed()
@@ -173,12 +201,14 @@ class Supervisor(HmapNode):
         changed = self._scene_monitor.changed()
         scene = replace(self._scene_monitor.scene() or scene, goal=scene.goal)
         plan = self._plan(job, ReplanRequest(scene, state, 1, changed=changed), limit)
-        if job.goal.plan_only:
+        if job.goal.plan_only or self._operator.dry_run:
             self._compare(job, plan.scene.goal, plan.trajectory.objects[plan.scene.goal.object][-1])
             return
         check_executable(plan)
         threading.Thread(target=self._rehearse, args=(plan,), name="rehearsal", daemon=True).start()
         before = self._controllers.accepted
+        self._operator.wait_for_confirmation(lambda: self._canceled(job), lambda text: self._say(job, CONFIRMING, text))
+        job.moves = True
         try:
             report = self._executor(job).run(plan, lambda request: self._replan(job, request, limit), self._policy)
         finally:
@@ -192,17 +222,20 @@ class Supervisor(HmapNode):
 
     def _executor(self, job: Job) -> PlanExecutor:
         def show(now: float, end: float, label: str) -> None:
-            self._say(job, PlannerStatus.EXECUTION, f"{now:.1f} of {end:.1f} s, {label}")
+            job.doing = f"{now:.1f} of {end:.1f} s, {label}"
+            self._say(job, PAUSED if self._operator.pace.paused else PlannerStatus.EXECUTION, job.doing)
 
         return PlanExecutor(
             ros_ports(self._controllers, self._scene_monitor, self._state_patience),
             lambda: self._canceled(job),
             on_progress=show,
             on_stop=lambda text: self._say(job, STOPPING, text),
+            pace=self._operator.pace,
         )
 
     def _canceled(self, job: Job) -> bool:
-        return job.handle.is_cancel_requested or job.replaced.is_set() or self.stopping.is_set()
+        stopped = self._operator.stops > job.stops
+        return stopped or job.handle.is_cancel_requested or job.replaced.is_set() or self.stopping.is_set()
 
     # the goal
 
@@ -335,7 +368,7 @@ class Supervisor(HmapNode):
                 job.handle.publish_feedback(Manipulate.Feedback(status=status))
         self._status_topic.publish(status)
         level = DiagnosticStatus.WARN if phase == PlannerStatus.FAILED else DiagnosticStatus.OK
-        self.set_status(f"{phase}: {text}" if text else phase, level)
+        self.set_status(f"{phase}: {text}" if text else phase, level, **self._operator.state())
 
 
 def _tolerance(name: str, value: float, default: float) -> float:

@@ -160,6 +160,7 @@ class Controllers:
         self._sent: list[Command] = []  # under way, and those that have just ended
         self._tracking_error = 0.0
         self._accepted = 0  # commands that have ended
+        self.locked = False  # nothing may be sent
         self.news = threading.Event()  # set when a command has ended, or by others, so that who waits looks again
 
     @property
@@ -313,6 +314,8 @@ class Controllers:
         return f"it has not answered for {waited:.1f} s" if waited > self._timeout else ""
 
     def _send(self, kind: type, name: str, goal, joints: Sequence[str] = (), **options: Any) -> Command:
+        if self.locked:
+            raise ExecutionError(f"nothing is sent to {name!r} in a dry run", Code.SERVICE_UNAVAILABLE)
         if name not in self._clients:
             self._clients[name] = ActionClient(self._node, kind, name, callback_group=self._node.group)
         client = self._clients[name]

@@ -6,7 +6,7 @@ import numpy as np
 
 from hmap_core.exceptions import Code, ExecutionError
 from hmap_core.execution.failures import Blocked
-from hmap_core.execution.hands import HANG, Hands
+from hmap_core.execution.hands import Hands
 from hmap_core.execution.obstacles import MOVING, ObstacleMonitor, StopNow
 from hmap_core.execution.ports import Ports
 from hmap_core.execution.report import Deviation, ExecutionReport
@@ -68,7 +68,7 @@ class Following:
         """
         self._stretch = stretch
         self.sample, at = stretch.last, float(self.plan.trajectory.time[stretch.first])
-        clock = StretchClock(self.plan, stretch, {}, self._ports.clock)
+        clock = StretchClock(self.plan, stretch)
         try:
             self._obstacles.look(clock)
             self._obstacles.check(stretch)
@@ -132,20 +132,18 @@ class Following:
         robots = self.plan.scene.robots
         motions = {name: joint_trajectory(self.plan, name, stretch) for name in robots}
         motions = {name: own for name, own in motions.items() if np.ptp(own.positions, axis=0).max() > MOVING}
-        duration = max((float(own.times[-1]) for own in motions.values()), default=0.0)
-        start = self._ports.controllers.common_start() if len(motions) > 1 else None
-        commands = {name: self._hands.send(robots[name], own, start) for name, own in motions.items()}
-        clock = StretchClock(self.plan, stretch, commands, self._ports.clock)
+        moving = self._hands.start(robots, motions)
+        clock = StretchClock(self.plan, stretch, moving.clock_now)
 
         def look() -> None:
             self._watch(index_at(self.plan.trajectory.time, clock.now()))
-            if all(command.feedback for command in commands.values()):  # else nobody knows how far it is
+            if moving.known:  # else nobody knows how far it is
                 self._obstacles.look(clock)
 
         try:
-            self._hands.wait(list(commands.values()), duration + HANG, look)
+            moving.follow(look)
         except StopNow as stop:
-            return stop.conflict, self._obstacles.stop(stretch, commands, clock)
+            return stop.conflict, float(self.plan.trajectory.time[stretch.first]) + moving.brake()
         return None
 
     def _watch(self, sample: int) -> None:

@@ -1,10 +1,12 @@
 """Arms and grippers during an execution: what they were commanded, what they hold, and how hands become free."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from hmap_core.exceptions import Code, ExecutionError
+from hmap_core.execution.moving import Moving, wait_while_paused
+from hmap_core.execution.pace import Pace
 from hmap_core.execution.ports import Canceled, Command, Ports
 from hmap_core.execution.stretches import Stretch
 from hmap_core.trajectory.measured import without_noise
@@ -14,7 +16,6 @@ from hmap_core.types import JointTrajectory, Plan, Robot, SceneState
 OPENING_CHANGE = 1e-4  # m; a smaller change of the opening needs no command
 EMPTY = 0.005  # m that the fingers may close beyond the planned opening when they grip something
 GRIP_LIMIT = 30.0  # s for a gripper
-HANG = 120.0  # s for one motion, beyond its duration
 
 
 class Hands:
@@ -24,12 +25,14 @@ class Hands:
         held: robot -> the body that it grips.
     """
 
-    def __init__(self, ports: Ports, canceled: Canceled):
+    def __init__(self, ports: Ports, canceled: Canceled, pace: Pace | None = None):
         """
         Args:
             ports: to the controllers and the world.
             canceled: true stops every motion.
+            pace: of all motions; None: as planned.
         """
+        self._pace = pace or Pace()
         self.held: dict[str, str] = {}
         self._ports, self._canceled = ports, canceled
         self._commanded: dict[str, np.ndarray] = {}  # robot -> the end (n,) of its last motion
@@ -52,11 +55,10 @@ class Hands:
         planned.q.update({robot: q for robot, q in self._commanded.items() if robot in planned.q})
         return without_noise(self._ports.scene(), measured, planned)
 
-    def send(self, robot: Robot, motion: JointTrajectory, start: float | None = None) -> Command:
-        """Send an arm along a motion; arguments and exceptions as in :meth:`ControllerPort.move`."""
-        command = self._ports.controllers.move(robot, motion, start)
-        self._commanded[robot.name] = np.array(motion.positions[-1])
-        return command
+    def start(self, robots: Mapping[str, Robot], motions: Mapping[str, JointTrajectory]) -> Moving:
+        """Start to move arms along motions (by robot), all at once; exceptions as of :class:`Moving`."""
+        held = bool(self.held.keys() & motions.keys())
+        return Moving(self._ports, self._canceled, self._pace, robots, motions, held, self._commanded)
 
     def move(self, robot: Robot, motion: JointTrajectory | None) -> None:
         """Move an arm along a motion and wait for its end; None: nothing to do.
@@ -66,7 +68,7 @@ class Hands:
             ExecutionError: TRACKING_LOST.
         """
         if motion is not None:
-            self.wait([self.send(robot, motion)], float(motion.times[-1]) + HANG)
+            self.start({robot.name: robot}, {robot.name: motion}).follow()
 
     def wait(self, commands: Sequence[Command], limit: float, look: Callable[[], None] | None = None) -> None:
         """Wait until commands have ended; arguments and exceptions as in :meth:`ControllerPort.wait`."""
@@ -81,6 +83,7 @@ class Hands:
         """
         gripper = robot.model.gripper
         if gripper is not None:
+            wait_while_paused(self._ports, self._canceled, self._pace)
             opening = gripper.open_opening if opening is None else opening
             self.wait([self._ports.controllers.grip(robot, opening, gripper.force)], GRIP_LIMIT)
             self._openings[robot.name] = opening
@@ -111,6 +114,7 @@ class Hands:
             PlannerError: CANCELED.
             ExecutionError: TRACKING_LOST; OBJECT_DROPPED, a gripper closed on nothing.
         """
+        wait_while_paused(self._ports, self._canceled, self._pace, look)
         self._close(plan, stretch, look)
         self._let_others_go(plan, stretch, look)
 

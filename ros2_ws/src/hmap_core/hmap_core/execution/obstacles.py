@@ -1,6 +1,6 @@
 """Bodies that come in the way of a plan: how far it is followed on, how everything stops, how hands come free.
 
-The stop is along the path (:mod:`hmap_core.execution.halt`); where a hand lets go and how it leaves the object is
+The stop is along the path (:mod:`hmap_core.execution.moving`); where a hand lets go and how it leaves the object is
 computed by :mod:`hmap_core.planner.interruption`.
 """
 
@@ -9,11 +9,10 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from hmap_core.execution.failures import Blocked
-from hmap_core.execution.halt import Halt, halt
-from hmap_core.execution.hands import HANG, Hands
-from hmap_core.execution.ports import Command, Ports
+from hmap_core.execution.hands import Hands
+from hmap_core.execution.ports import Ports
 from hmap_core.execution.stretch_clock import StretchClock
-from hmap_core.execution.stretches import Stretch, joint_trajectory
+from hmap_core.execution.stretches import Stretch
 from hmap_core.planner.conflicts import Conflict, first_conflict, unknown_bodies
 from hmap_core.planner.interruption import (
     back_to,
@@ -26,9 +25,8 @@ from hmap_core.planner.interruption import (
 )
 from hmap_core.planner.planned_contacts import PlannedContact
 from hmap_core.trajectory.samples import index_at
-from hmap_core.types import Body, JointTrajectory, Plan, Robot
+from hmap_core.types import Body, Plan, Robot
 
-LEAD = 0.15  # s of the executor's clock that a command takes at most to reach its controller
 BACK_OFF = 0.2  # s of the plan before a place too near to a new body to which a hand goes back
 MOVING = 1e-6  # rad; a joint that moves less in a stretch stands still
 SAME_TIME = 1e-6  # s
@@ -88,27 +86,6 @@ class ObstacleMonitor:
             self._free_tools(stretch.first)
             self._hands.let_go(self._plan)
             raise Blocked(conflict, start)
-
-    def stop(self, stretch: Stretch, commands: Mapping[str, Command], clock: StretchClock) -> float:
-        """Bring the robots to rest along the path.
-
-        Returns:
-            the planned time (s) of the place where they rest.
-
-        Raises:
-            PlannerError: CANCELED.
-            ExecutionError: TRACKING_LOST.
-        """
-        plan = self._plan
-        stopping = halt(plan, stretch, clock.now() + LEAD * clock.rate)
-        slowing = list(commands.values())
-        if stopping.rests < plan.trajectory.time[stretch.last] - SAME_TIME:  # else it ends before it could stop
-            slowing = [
-                self._hands.send(plan.scene.robots[robot], with_stop(plan, robot, stretch, stopping), clock.start)
-                for robot in commands
-            ]
-        self._hands.wait(slowing, HANG)
-        return stopping.rests
 
     def leave(self, at: float) -> float:
         """Free the hands where everything stopped.
@@ -189,15 +166,4 @@ class ObstacleMonitor:
         plan = self._plan
         state = self._hands.start_state(plan, index_at(plan.trajectory.time, at))
         motions = back_to(plan, robots, sample, state.q, at)
-        start = self._ports.controllers.common_start() if len(motions) > 1 else None
-        commands = [self._hands.send(plan.scene.robots[name], motion, start) for name, motion in motions.items()]
-        self._hands.wait(commands, max((motion.times[-1] for motion in motions.values()), default=0.0) + HANG)
-
-
-def with_stop(plan: Plan, robot: str, stretch: Stretch, stopping: Halt) -> JointTrajectory:
-    """The motion of a robot in a stretch that ends in a stop; a controller leaves out what is past."""
-    planned, stop = joint_trajectory(plan, robot, stretch), stopping.motions[robot]
-    rows = planned.times < stop.times[0] - SAME_TIME
-    parts = [(planned.times[rows], stop.times), (planned.positions[rows], stop.positions)]
-    parts.append((planned.require_velocities()[rows], stop.require_velocities()))
-    return JointTrajectory(planned.names, *(np.concatenate(pair) for pair in parts))
+        self._hands.start(plan.scene.robots, motions).follow()

@@ -12,6 +12,7 @@ from hmap_core.execution.drift import DriftTolerance, drift_reason
 from hmap_core.execution.failures import Blocked, Drifted
 from hmap_core.execution.following import Following, OnStop
 from hmap_core.execution.hands import Hands
+from hmap_core.execution.pace import Pace
 from hmap_core.execution.ports import Canceled, Ports
 from hmap_core.execution.recovery import Recovery, RecoveryPolicy, Replanner
 from hmap_core.execution.report import ClosedLoopReport, ExecutionReport
@@ -46,6 +47,7 @@ class PlanExecutor:
         on_progress: Progress | None = None,
         on_stop: OnStop = lambda text: None,
         on_stretch: Callable[[Stretch], None] | None = None,
+        pace: Pace | None = None,
     ):
         """
         Args:
@@ -54,10 +56,11 @@ class PlanExecutor:
             on_progress: called at the begin of every stretch.
             on_stop: called with what is in the way when everything is about to stop.
             on_stretch: called after every stretch.
+            pace: how fast everything moves; None: as planned.
         """
         self._ports, self._canceled = ports, canceled
         self._on_progress, self._on_stop, self._on_stretch = on_progress, on_stop, on_stretch
-        self._hands = Hands(ports, canceled)
+        self._hands = Hands(ports, canceled, pace)
         self._tools: dict[str, ToolGrasp] = {}  # robot -> the tool with which the present plan begins
 
     def run(

@@ -197,7 +197,7 @@ class TrajectoryController:
         if times[0] > 0.0:
             times, positions = np.concatenate([[0.0], times]), np.concatenate([q[None], positions])
             velocities = None if velocities is None else np.concatenate([qd[None], velocities])
-            efforts = None if efforts is None else np.concatenate([np.zeros((1, len(q))), efforts])
+            efforts = None if efforts is None else np.concatenate([self._motion.efforts_at(now)[None], efforts])
         jump = np.abs(positions[0] - q)
         if jump.max() > tolerances.start:
             i = int(np.argmax(jump))

@@ -1,0 +1,56 @@
+"""The operator's side of a supervisor: pause, resume, stop and confirm, and the scales of speed and acceleration."""
+
+import time
+
+from rclpy.node import Node
+from rclpy.task import Future
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+
+from hmap_core.exceptions import Code, PlannerError
+
+SERVICES = ("pause", "resume", "stop", "confirm")
+LIMIT = 5.0  # s for an answer
+POLL = 0.005  # s
+
+
+class OperatorClient:
+    """Calls the services of a supervisor. The node has to be spun by somebody else meanwhile."""
+
+    def __init__(self, node: Node, supervisor: str = "supervisor"):
+        """
+        Args:
+            node: that calls.
+            supervisor: name of the supervisor, in the node's namespace.
+        """
+        self._clients = {name: node.create_client(Trigger, f"{supervisor}/{name}") for name in SERVICES}
+        self._speed = node.create_publisher(Float64, "speed_scaling", 1)
+        self._acceleration = node.create_publisher(Float64, "acceleration_scaling", 1)
+
+    def call(self, name: str) -> tuple[bool, str]:
+        """Call ``pause``, ``resume``, ``stop`` or ``confirm``.
+
+        Returns:
+            whether it did anything, and a sentence.
+
+        Raises:
+            PlannerError: SERVICE_UNAVAILABLE; the supervisor does not answer.
+        """
+        until = time.monotonic() + LIMIT
+        if not self._clients[name].wait_for_service(LIMIT):
+            raise PlannerError(f"no supervisor offers the service {name!r}", Code.SERVICE_UNAVAILABLE)
+        future: Future = self._clients[name].call_async(Trigger.Request())
+        while not future.done():
+            if time.monotonic() > until:
+                raise PlannerError(f"the service {name!r} has not answered in {LIMIT:g} s", Code.SERVICE_UNAVAILABLE)
+            time.sleep(POLL)
+        answer = future.result()
+        return answer.success, answer.message
+
+    def scale_speed(self, value: float) -> None:
+        """Scale all planned speeds by a value in (0, 1], also of what moves now."""
+        self._speed.publish(Float64(data=float(value)))
+
+    def scale_acceleration(self, value: float) -> None:
+        """Scale all planned accelerations, and those in which arms brake, by a value in (0, 1]."""
+        self._acceleration.publish(Float64(data=float(value)))
