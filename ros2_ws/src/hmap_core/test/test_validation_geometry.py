@@ -83,8 +83,7 @@ def test_motion_bounds_hold_and_are_not_wild(panda):
         values = panda.values(pair, np.array([0.02, 0.021]))
         points = shape.solid.points @ shape.R.T + shape.p
         reach = float(np.linalg.norm(points, axis=1).max())
-        bounds = panda.motion_bounds(shape.link, reach, values, panda.frames(values))
-        bound = sum(bounds.values())[0]
+        bound = panda.motions([shape.link], values, panda.frames(values))[shape.link].speed(reach)[0]
         s = np.linspace(0.0, 1.0, 201)
         fine = {name: v[0] + s * (v[1] - v[0]) for name, v in values.items()}
         R, p = panda.frames(fine)[shape.link]

@@ -124,8 +124,7 @@ def _refined(instance: MotionInstance, rows: np.ndarray, attachments: list[Attac
             + [_extent(instance, attachment) for attachment in attachments if attachment.robot == name]
         )
         links = sorted(shapes | {robot.data.end_effector_link})
-        still = np.zeros(len(rows) - 1)
-        moved = [sum(robot.motion_bounds(link, reach, values, frames).values(), still) for link in links]
+        moved = [link.speed(reach) for link in robot.motions(links, values, frames).values()]
         motion = np.maximum(motion, np.max(moved, axis=0))
     pieces = np.maximum(1, np.ceil(motion / MOTION_BOUND).astype(int))
     parts = [

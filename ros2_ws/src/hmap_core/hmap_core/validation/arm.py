@@ -1,5 +1,6 @@
-"""Forward kinematics of a robot at all samples of a plan, and bounds on the motion of its links between two samples."""
+"""Forward kinematics of a robot at all samples of a plan."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from hmap_core.validation import rigid, urdf
 from hmap_core.validation.document import RobotData
 from hmap_core.validation.files import invalid_plan
+from hmap_core.validation.motion import JointMotions, LinkMotion
 
 Frames = dict[str, tuple[np.ndarray, np.ndarray]]  # link -> rotations (N, 3, 3), positions (N, 3)
 
@@ -111,58 +113,30 @@ class Arm:
             joint = self.tree.joint_to(joint.parent)
         return None if joint is None else joint.parent
 
-    def motion_bounds(self, link: str, radius: float, values: dict, frames: Frames) -> dict[str, np.ndarray]:
-        """Bounds on the distance that each joint moves any point of a link in each of the N-1 steps.
-
-        A revolute joint that turns by ``|dq|`` moves a point by at most ``|dq|`` times the distance of the point from
-        the axis. That distance is measured at the first sample of the step; the bounds of the joints further along the
-        chain are added, since these can change it.
+    def motions(self, links: Iterable[str], values: dict[str, np.ndarray], frames: Frames) -> dict[str, LinkMotion]:
+        """Bounds on the motion of some links in each of the N-1 steps.
 
         Args:
-            link: the link.
-            radius: m, bound on the distance of the link's points from its frame.
+            links: the links.
             values: joint values (N,), see :meth:`values`.
             frames: link frames, see :meth:`frames`.
-
-        Returns:
-            Joint name -> (N-1,) in metres.
         """
-        bounds: dict[str, np.ndarray] = {}
-        beyond = np.zeros(len(next(iter(values.values()))) - 1)
-        for joint in reversed(self.moving(link)):
-            step = np.abs(np.diff(values[joint.name]))
-            if joint.kind != "prismatic":
-                R, p = frames[joint.child]
-                arm = frames[link][1][:-1] - p[:-1]
-                local = np.einsum("nji,nj->ni", R[:-1], arm)
-                off_axis = np.linalg.norm(local @ rigid.cross_matrix(joint.axis).T, axis=1)
-                step = step * (off_axis + radius + beyond)
-            bounds[joint.name] = step
-            beyond = beyond + step
-        return bounds
-
-    def rates(self, link: str, values: dict) -> tuple[np.ndarray, np.ndarray, float]:
-        """Bounds on the rotation and translation of a link in each of the N-1 steps.
-
-        Args:
-            link: the link.
-            values: joint values (N,), see :meth:`values`.
-
-        Returns:
-            Bound (N-1,) on the rotation, rad; bound (N-1,) on the translation by prismatic joints, m; and the largest
-            distance of two joints between the base and the link, m.
-        """
-        steps = len(next(iter(values.values()))) - 1
-        turned, slid = np.zeros(steps), np.zeros(steps)
-        length = sum(float(np.linalg.norm(joint.origin_p)) for joint in self.tree.chains[link])
-        for joint in self.moving(link):
-            moved = np.abs(np.diff(values[joint.name]))
-            if joint.kind == "prismatic":
-                slid = slid + moved
-                length += float(np.abs(values[joint.name]).max())
-            else:
-                turned = turned + moved
-        return turned, slid, length
+        joints = [joint for joint in self.tree.joints if joint.kind in urdf.MOVING]
+        rows = {joint.name: j for j, joint in enumerate(joints)}
+        chains = [self.moving(joint.child) for joint in joints]
+        before = [rows[chain[-2].name] if len(chain) > 1 else -1 for chain in chains]
+        steps = len(frames[self.tree.root][0]) - 1
+        moved, axes, origins = (np.empty((*shape, len(joints), steps)) for shape in ((), (3,), (3,)))
+        for j, joint in enumerate(joints):
+            R, origin = frames[joint.child]
+            moved[j] = np.diff(values[joint.name])
+            axes[:, j], origins[:, j] = rigid.apply(R[:-1], joint.axis).T, origin[:-1].T
+        turns = np.array([joint.kind != "prismatic" for joint in joints], bool)
+        motions = JointMotions([joint.name for joint in joints], before, turns, moved, axes, origins)
+        return {
+            link: LinkMotion.of(motions, [rows[joint.name] for joint in self.moving(link)], frames[link][1][:-1])
+            for link in links
+        }
 
 
 def build(data: RobotData) -> Arm:

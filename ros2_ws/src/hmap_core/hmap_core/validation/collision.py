@@ -135,12 +135,15 @@ class _PairDistances:
         self._pair = pair
         self._travelled = travelled
         self._measured: dict[int, float] = {}
+        self._normals: dict[int, np.ndarray] = {}
         self._a, self._b = scan.world.tracks[pair.a], scan.world.tracks[pair.b]
 
     def distance(self, k: int) -> float:
         """The measured distance in metres at sample k."""
         if k not in self._measured:
-            distance = self._measured[k] = self._pair.gauge.distance(self._a.at(k), self._b.at(k))
+            gauge = self._pair.gauge
+            distance = self._measured[k] = gauge.distance(self._a.at(k), self._b.at(k))
+            self._normals[k] = np.array(gauge.result.normal)
             self._scan.note(self._pair, self._scan.world.document.time[k], distance)
         return self._measured[k]
 
@@ -149,19 +152,38 @@ class _PairDistances:
         if self._travelled is None:
             raise ValueError(f"the pair {self._pair.names} has no relative motion to bisect")
         travelled = self._travelled[first : last + 1].tolist()
-        stack = [(first, last, self.distance(first), self.distance(last))]
+        stack = [(first, last)]
         while stack:
-            i, j, d_i, d_j = stack.pop()
+            i, j = stack.pop()
+            d_i, d_j = self.distance(i), self.distance(j)
             motion = travelled[j - first] - travelled[i - first]
             nearest = (d_i + d_j - motion) / 2.0
             if nearest >= self._scan.threshold(self._pair):
                 continue
             if j - i > 1:
-                middle = (i + j) // 2
-                d_middle = self.distance(middle)
-                stack += [(middle, j, d_middle, d_j), (i, middle, d_i, d_middle)]
-            elif nearest < -limits.PENETRATION and motion > limits.MOTION_BOUND:
+                stack += self._unseparated(i, j)
+            elif nearest < -limits.PENETRATION and motion > limits.MOTION_BOUND and not self._separated(i):
                 self._scan.subdivisions.append(Subdivision(self._pair, i, _intervals(motion), d_i, d_j))
+
+    def _unseparated(self, i: int, j: int) -> list[tuple[int, int]]:
+        """Runs of steps between two samples, in either half, that the separating axis at the middle does not clear."""
+        middle = (i + j) // 2
+        self.distance(middle)
+        bounds = self._pair.axes.bounds(self._normals[middle], middle, i, j)
+        left = ~(bounds >= self._scan.threshold(self._pair))
+        if left.all():
+            return [(middle, j), (i, middle)]
+        runs: list[tuple[int, int]] = []
+        for step in (np.flatnonzero(left)[::-1] + i).tolist():
+            if runs and runs[-1][0] == step + 1 and step + 1 != middle:
+                runs[-1] = (step, runs[-1][1])
+            else:
+                runs.append((step, step + 1))
+        return runs
+
+    def _separated(self, i: int) -> bool:
+        """Whether the separating axis at either end of a step excludes a penetration in it."""
+        return any(self._pair.axes.bounds(self._normals[k], k, i, i + 1)[0] >= -limits.PENETRATION for k in (i, i + 1))
 
 
 def _intervals(motion: float) -> int:

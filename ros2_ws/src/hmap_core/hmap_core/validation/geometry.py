@@ -43,6 +43,14 @@ class Solid:
     volume: float
     centroid: np.ndarray
 
+    def support(self, directions: np.ndarray) -> np.ndarray:
+        """How far the shape reaches from its origin along unit directions (n, 3): (n,) in metres."""
+        if self.kind == "box" and self.ball == 0.0:
+            return np.abs(directions) @ self.half
+        if self.kind == "cylinder":
+            return self.half[0] * np.hypot(directions[:, 0], directions[:, 1]) + self.half[2] * np.abs(directions[:, 2])
+        return (directions @ self.points.T).max(axis=1) + self.ball
+
 
 def _solid(
     kind: str,

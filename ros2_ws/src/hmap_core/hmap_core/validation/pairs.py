@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hmap_core.validation.axes import SeparatingAxes, frame_and_part
 from hmap_core.validation.geometry import Gauge
 from hmap_core.validation.near import SweptBoxes
 from hmap_core.validation.world import Part, World
@@ -22,12 +23,14 @@ class Pair:
         a, b: the parts.
         motion: (N-1,) bound on the relative motion of any two of their points in each step, m.
         clearance: whether their distance counts for the plan's smallest clearance.
+        world: the plan.
     """
 
     a: Part
     b: Part
     motion: np.ndarray
     clearance: bool
+    world: World
 
     @property
     def names(self) -> tuple[str, str]:
@@ -38,6 +41,11 @@ class Pair:
     def gauge(self) -> Gauge:
         """Measures the distance of the pair."""
         return Gauge(self.a.solid, self.b.solid)
+
+    @cached_property
+    def axes(self) -> SeparatingAxes:
+        """Bounds on the distance of the pair along directions that are fixed to one of its parts."""
+        return SeparatingAxes(self.world, self.a, self.b)
 
     @cached_property
     def moves(self) -> bool:
@@ -59,12 +67,7 @@ class PairBuilder:
     def __init__(self, world: World, touching: set[frozenset[str]]):
         self._world = world
         self._touching = touching
-        self._links = {part: world.link_motion(part) for part in world.parts if part.link is not None}
-        zero = np.zeros(world.samples - 1)
-        self._motion = {
-            part: sum(self._links[part].values(), zero) if part.link is not None else world.body_motion(part)
-            for part in world.parts
-        }
+        self._motion = {part: world.motion(part).speed(part.reach) for part in world.parts}
         self._immobile = {part: self._is_immobile(part) for part in world.parts}
         self._boxes = SweptBoxes(world, self._motion)
         self._lower, self._upper = self._boxes.lower.min(axis=0), self._boxes.upper.max(axis=0)
@@ -110,16 +113,19 @@ class PairBuilder:
             return None if a.link is None else self._self_pair(a, b)
         if self._immobile[a] and self._immobile[b] and (a.link is None or b.link is None):
             return None
-        pair = Pair(a, b, self._relative_motion(a, b), clearance=False)
+        pair = Pair(a, b, self._relative_motion(a, b), clearance=False, world=self._world)
         pair.clearance = pair.moves and frozenset(pair.names) not in self._touching
         return pair
 
     def _relative_motion(self, a: Part, b: Part) -> np.ndarray:
         """Bound (N-1,) on the relative motion of two parts, m."""
         motion = self._motion[a] + self._motion[b]
-        link, body = (a, b) if b.link is None else (b, a)
-        carried = link.link is not None and body.link is None and self._motion[body].any()
-        return np.minimum(motion, self._world.relative_motion(link, body)) if carried else motion
+        together = self._motion[a].any() and self._motion[b].any() and (a.link is None or b.link is None)
+        return (
+            np.minimum(motion, self._world.relative_motion(*frame_and_part(self._world, a, b)).speed)
+            if together
+            else motion
+        )
 
     def _self_pair(self, a: Part, b: Part) -> Pair | None:
         robot = self._world.arms[a.holder]
@@ -128,11 +134,12 @@ class PairBuilder:
             return None
         if frozenset((link_a, link_b)) in robot.data.ignored_collisions:
             return None
-        motion_a, motion_b = self._links[a], self._links[b]
+        motion_a, motion_b = self._world.link_motion(a), self._world.link_motion(b)
+        speeds_a, speeds_b = motion_a.speeds(a.reach), motion_b.speeds(b.reach)
         # joints between the base and both links move them together
-        own_a = [motion for name, motion in motion_a.items() if name not in motion_b]
-        own_b = [motion for name, motion in motion_b.items() if name not in motion_a]
-        return Pair(a, b, sum(own_a + own_b, np.zeros(self._world.samples - 1)), clearance=False)
+        own = [s for name, s in zip(motion_a.joints, speeds_a, strict=True) if name not in motion_b.joints]
+        own += [s for name, s in zip(motion_b.joints, speeds_b, strict=True) if name not in motion_a.joints]
+        return Pair(a, b, sum(own, np.zeros(self._world.samples - 1)), clearance=False, world=self._world)
 
     def _is_immobile(self, part: Part) -> bool:
         if part.link is None:

@@ -11,6 +11,7 @@ import numpy as np
 from hmap_core.validation import arm, rigid
 from hmap_core.validation.document import BodyData, Document
 from hmap_core.validation.geometry import Solid, solid_of, transform
+from hmap_core.validation.motion import BodyMotion, LinkMotion, Motion, RelativeMotion, relative
 
 
 class OnDemand(dict[str, Any]):
@@ -137,12 +138,11 @@ class World:
             {name: robot.frames(self.values[name]) for name, robot in self.arms.items()},
             {name: (_rotations(poses), poses[:, :3]) for name, poses in self.poses.items()},
         )
-        self._rates = {
-            (name, link): robot.rates(link, self.values[name])
+        self._links = {
+            name: robot.motions(robot.tree.shaped, self.values[name], self.state.links[name])
             for name, robot in self.arms.items()
-            for link in robot.tree.shaped
         }
-        self._steps = {name: _step_motion(poses) for name, poses in self.poses.items()}
+        self._bodies = {name: BodyMotion.of(poses) for name, poses in self.poses.items()}
         self.parts = [*self._robot_parts(), *self._body_parts()]
         self.tracks = {part: Track(part, self.state) for part in self.parts}
 
@@ -197,40 +197,21 @@ class World:
 
         return State(OnDemand(links), OnDemand(body))
 
-    def body_motion(self, part: Part) -> np.ndarray:
-        """Bound (N-1,) on the motion of any point of a body's part in each step, m."""
-        moved, turned = self._steps[part.holder]
-        return moved + turned * part.reach
+    def link_motion(self, part: Part) -> LinkMotion:
+        """The motion of the link of a robot's part."""
+        return self._links[part.holder][part.robot_link]
 
-    def link_motion(self, part: Part) -> dict[str, np.ndarray]:
-        """Bounds on the motion of any point of a robot's part in each step: joint -> (N-1,) in metres."""
-        return self.arms[part.holder].motion_bounds(
-            part.robot_link, part.reach, self.values[part.holder], self.state.links[part.holder]
-        )
+    def motion(self, part: Part) -> Motion:
+        """The motion of the link or body of a part."""
+        return self._bodies[part.holder] if part.link is None else self.link_motion(part)
 
-    def relative_motion(self, link: Part, body: Part) -> np.ndarray:
-        """Bound on the motion of any point of a body's part relative to a robot's link, in each step.
+    def relative_motion(self, frame: Part, part: Part) -> RelativeMotion:
+        """Bounds on the motion of all points of a part in the frame of the link or body of another part.
 
-        The bound is tight if the link carries the body. In the link frame, a point moves from its position at one
-        sample to its position at the next. Its velocity differs from that of the straight motion by at most half of the
-        largest acceleration, which is of second order in the rotations and translations (``docs/validation.md``).
-
-        Args:
-            link: a part of a robot.
-            body: a part of a body.
-
-        Returns:
-            (N-1,) in metres.
+        They are tight if both move together, as a link and the body that it carries do.
         """
-        R, p = rigid.relative(*self.state.links[link.holder][link.robot_link], *self.state.bodies[body.holder])
-        turned, moved = rigid.step_angles(R), np.linalg.norm(np.diff(p, axis=0), axis=1)
-        spin, speed = self._steps[body.holder][1], self.body_motion(body)
-        turn, slide, length = self._rates[link.holder, link.robot_link]
-        far = np.linalg.norm(p[:-1], axis=1) + body.reach + speed + length + turn * length + slide
-        own = spin**2 * body.reach
-        carried = turn * (turn * (far + length) + speed + 2.0 * slide)
-        rotating = turn * (speed + turn * far + slide)
-        return moved + turned * body.reach + 0.5 * (own + carried + rotating)
+        poses = rigid.relative(*frame.place(self.state), *part.place(self.state))
+        return relative(self.motion(frame), self.motion(part), poses, part.reach)
 
 
 def _rotations(poses: np.ndarray) -> np.ndarray:
@@ -238,9 +219,3 @@ def _rotations(poses: np.ndarray) -> np.ndarray:
     if _still(poses):
         return np.broadcast_to(rigid.matrices(poses[:1, 3:]), (len(poses), 3, 3))
     return rigid.matrices(poses[:, 3:])
-
-
-def _step_motion(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Translation (N-1,) in metres and rotation (N-1,) in radians of poses (N, 7) in each step."""
-    moved = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1)
-    return moved, rigid.angle_between(poses[:-1, 3:], poses[1:, 3:])
