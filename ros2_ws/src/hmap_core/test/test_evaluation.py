@@ -79,15 +79,6 @@ def test_dask_that_is_not_there_is_bad_input(monkeypatch):
         trials.run_trials([trial()], dask="tcp://127.0.0.1:1", command=COMMAND)
 
 
-@pytest.mark.slow
-def test_a_dask_cluster_does_the_trials():
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
-        wanted = [trial(seed) for seed in (0, 1, 4)]
-        found = trials.run_trials(wanted, dask=cluster.scheduler_address, command=COMMAND)
-    assert [(r.seed, r.solved) for r in found] == [(0, True), (1, False), (4, True)]
-
-
 def test_what_fails_while_warming_up_does_not_count(monkeypatch):
     seeds = []
 

@@ -10,12 +10,14 @@ from hmap_core.cli import (
     bench_quality,
     bench_robustness,
     bench_startup,
+    bench_table,
     bench_tasks,
 )
 from hmap_core.cli.main import add_kinds
 
 HELP = (
-    "measure: tasks and generality (how often they are solved, how fast), robustness (in worlds that are off), "
+    "measure: tasks and generality (how often they are solved, how fast), table (methods against each other), "
+    "robustness (in worlds that are off), "
     "quality (of motions), komo (against RAI's), limits, parts (object paths among many parts) or startup"
 )
 WHAT = {
@@ -26,6 +28,7 @@ WHAT = {
     "quality": bench_quality,
     "robustness": bench_robustness,
     "startup": bench_startup,
+    "table": bench_table,
     "tasks": bench_tasks,
 }
 

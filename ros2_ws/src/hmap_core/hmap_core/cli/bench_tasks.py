@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hmap_core.cli.main import count, natural, positive
 from hmap_core.cli.plan import DEFAULT_TIME_LIMIT, check_writable
-from hmap_core.evaluation.trial import DEFAULT_REPLANS, Trial, TrialResult
+from hmap_core.evaluation.trial import DEFAULT_PLANNER, DEFAULT_REPLANS, Trial, TrialResult
 from hmap_core.exceptions import InputError
 
 HELP = "plan tasks with many seeds, let the judge check the plans, execute them, and say how many are solved"
@@ -98,4 +98,5 @@ class TrialProgress:
         verdict = "solved" if result.solved else f"not solved: {' '.join(result.reason.split())[:TOLD]}"
         now = time.monotonic() - self._began
         head = f"[{now:7.1f} s] {self._done} of {self._total}"
-        print(f"{head}  {trial.name}, seed {trial.seed}{planned}{replans}: {verdict}", file=sys.stderr, flush=True)
+        name = trial.name if trial.planner == DEFAULT_PLANNER else f"{trial.name} by {trial.planner}"
+        print(f"{head}  {name}, seed {trial.seed}{planned}{replans}: {verdict}", file=sys.stderr, flush=True)

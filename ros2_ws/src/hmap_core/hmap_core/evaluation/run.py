@@ -9,7 +9,7 @@ from typing import Any
 
 from hmap_core import planner
 from hmap_core.evaluation.replanning import replanner
-from hmap_core.evaluation.trial import NOT_VALID, Trial, TrialResult
+from hmap_core.evaluation.trial import DEFAULT_PLANNER, NOT_VALID, Trial, TrialResult
 from hmap_core.exceptions import Code, HmapError
 from hmap_core.plan_file import to_dict
 from hmap_core.scenes import load_scene
@@ -20,6 +20,7 @@ from hmap_core.validation import check
 from hmap_core.validation.report import Report
 
 WARM_UP_SEED = 10**6  # added to a trial's seed, so that the warm-up plan differs from all trials
+WARM_UP_LIMIT = 5.0  # s for the warm-up of a method that may restart until its time is up
 MAX_VIOLATIONS_SHOWN = 3
 
 
@@ -29,11 +30,18 @@ def warm_up(trial: Trial) -> None:
     Args:
         trial: whose task is planned, or that for its warm-up if it has one.
     """
-    seed = WARM_UP_SEED + trial.seed
+    seed, limit, options = WARM_UP_SEED + trial.seed, trial.time_limit, _options(trial)
+    if options:
+        limit = min(limit, WARM_UP_LIMIT)
     with contextlib.suppress(Exception):  # failures of the warm-up do not matter
-        planner.plan(load_scene(trial.warm_up or trial.task, seed), seed=seed, time_limit=trial.time_limit)
+        planner.plan(load_scene(trial.warm_up or trial.task, seed), seed=seed, time_limit=limit, **options)
     gc.collect()
     gc.freeze()  # a full collection of the libraries' objects takes as long as half a plan
+
+
+def _options(trial: Trial) -> dict[str, Any]:
+    """The method as an option of :func:`hmap_core.planner.plan`; none for the default one."""
+    return {} if trial.planner == DEFAULT_PLANNER else {"planner": trial.planner}
 
 
 def run_trial(trial: Trial) -> TrialResult:
@@ -55,12 +63,16 @@ def _run(trial: Trial) -> TrialResult:
     scene = load_scene(trial.task, trial.seed)
     wall, cpu = time.perf_counter(), time.process_time()
     try:
-        plan = planner.plan(scene, seed=trial.seed, time_limit=trial.time_limit)
+        plan = planner.plan(scene, seed=trial.seed, time_limit=trial.time_limit, **_options(trial))
     except HmapError as error:
-        spent: dict[str, Any] = {"planning_s": time.perf_counter() - wall, "cpu_s": time.process_time() - cpu}
+        method_s = time.perf_counter() - wall
+        spent: dict[str, Any] = {"planning_s": method_s, "method_s": method_s, "cpu_s": time.process_time() - cpu}
         return TrialResult(trial.seed, reason=str(error), code=error.code.name, **spent)
-    planned = _planned(trial, plan, time.process_time() - cpu)
-    report = check(json.loads(json.dumps(to_dict(plan))))  # as read from a file
+    planned = _planned(trial, plan, time.perf_counter() - wall, time.process_time() - cpu)
+    try:
+        report = check(json.loads(json.dumps(to_dict(plan))))  # as read from a file
+    except HmapError as error:  # the plan of another method can be anything
+        return replace(planned, reason=f"not valid: {error.reason}", code=NOT_VALID)
     planned = replace(planned, valid=report.valid, goal_error=report.goal_error)
     if not report.valid:
         return replace(planned, reason=_violations(report), code=NOT_VALID)
@@ -69,11 +81,11 @@ def _run(trial: Trial) -> TrialResult:
     return _executed(trial, plan, planned)
 
 
-def _planned(trial: Trial, plan: Plan, cpu_s: float) -> TrialResult:
+def _planned(trial: Trial, plan: Plan, method_s: float, cpu_s: float) -> TrialResult:
     counts: dict[str, Any] = {key: plan.stats.get(key) for key in ("waypoints", "contact_tries", "mode_switches")}
     return TrialResult(
-        trial.seed, planning_s=plan.stats["planning_time_s"], cpu_s=cpu_s, segments=len(plan.segments),
-        duration_s=float(plan.trajectory.time[-1]), **counts,
+        trial.seed, planning_s=plan.stats.get("planning_time_s", method_s), cpu_s=cpu_s, segments=len(plan.segments),
+        duration_s=float(plan.trajectory.time[-1]), claimed=True, method_s=method_s, **counts,
     )  # fmt: skip
 
 

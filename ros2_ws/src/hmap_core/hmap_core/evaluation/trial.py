@@ -3,6 +3,7 @@
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+DEFAULT_PLANNER = "hmap"
 PYBULLET = "pybullet"  # the engine of executions if no other is chosen
 PUBLISHED = "published/"  # prefix of the tasks with the published geometry
 NOT_VALID = "NOT_VALID"  # code of a result whose plan the judge rejects
@@ -27,6 +28,7 @@ class Trial:
         engine: the physics engine of the execution.
         perturbation: how far the world is off that executes the plan; empty: not at all.
         sample: seed of the perturbation.
+        planner: the method, a name of ``hmap plugins``.
     """
 
     task: str
@@ -37,6 +39,7 @@ class Trial:
     engine: str = PYBULLET
     perturbation: str = ""
     sample: int = 0
+    planner: str = DEFAULT_PLANNER
 
     @property
     def name(self) -> str:
@@ -65,6 +68,8 @@ class TrialResult:
         goal_error: error of the object at the end of the execution, or of the plan if it was not executed.
         code: name of the :class:`hmap_core.exceptions.Code` of that; ``NOT_VALID`` if the judge rejects the plan; empty
             if the trial is solved, or if its process ended.
+        claimed: the method returned a plan, whatever the judge says.
+        method_s: wall-clock time of the method as a whole, s; also where it looks at its plans with the judge itself.
     """
 
     seed: int
@@ -83,6 +88,8 @@ class TrialResult:
     duration_s: float | None = None
     goal_error: dict[str, float] | None = None
     code: str = ""
+    claimed: bool = False
+    method_s: float | None = None
 
     def to_dict(self) -> dict:
         """The result as plain JSON types."""

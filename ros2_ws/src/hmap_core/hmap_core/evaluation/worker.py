@@ -18,13 +18,13 @@ def main() -> int:
     from hmap_core.evaluation.run import run_trial, warm_up  # after the redirection: some libraries print on import
     from hmap_core.evaluation.trial import Trial
 
-    warm: set[str] = set()
+    warm: set[tuple[str, str]] = set()
     for line in sys.stdin:
         trial = Trial(**json.loads(line))
-        task = trial.warm_up or trial.task
-        if task not in warm:
+        begun = trial.warm_up or trial.task, trial.planner
+        if begun not in warm:
             warm_up(trial)
-            warm.add(task)
+            warm.add(begun)
         print(json.dumps(run_trial(trial).to_dict()), flush=True)
     return 0
 
