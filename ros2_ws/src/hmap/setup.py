@@ -32,7 +32,7 @@ setup(
     entry_points={
         "console_scripts": [f"{node} = hmap.nodes.{node}:main" for node in NODES],
         # sub-commands of the command `hmap`
-        "hmap.commands": ["run = hmap.commands.run", "up = hmap.commands.up"],
+        "hmap.commands": [f"{name} = hmap.commands.{name}" for name in ("bag", "compare", "evaluate", "run", "up")],
     },
     zip_safe=False,
 )

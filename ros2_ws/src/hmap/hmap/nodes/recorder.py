@@ -5,18 +5,19 @@ import sys
 import threading
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys.store import Typestore
 
+from hmap.bags.writer import BagWriter
 from hmap.node import HmapNode, run
 from hmap_core.exceptions import InputError
 from hmap_msgs_py.definitions import typestore
 
-BAG_VERSION: Literal[9] = 9  # version of the metadata, as in rosbag2 of Jazzy
 DEPTH = 100  # messages in the queue of a subscription
+FLUSH_PERIOD = 0.4  # s; a kill costs what came since
+MEGABYTE = 10**6
 DISCOVERY_PERIOD = 0.5  # s between two searches for new topics
 TOPICS = [
     "clock",
@@ -65,6 +66,9 @@ class Recorder(HmapNode):
         super().__init__("recorder")
         path = Path(self.parameter("path", "bag", "folder of the bag; must not exist yet"))
         patterns = self.parameter("topics", TOPICS, "topics relative to the namespace, as regular expressions")
+        compress = self.parameter("compress", False, "by zstd, chunk by chunk")
+        size = self.parameter("split_size", 0, "MB after which another file of the bag is begun; 0: never", 0, 10**6)
+        duration = self.parameter("split_duration", 0.0, "the same in s; 0: never", 0.0, 1e6)
         try:
             self._wanted = [re.compile(self.resolve_topic_name("x").removesuffix("x") + text) for text in patterns]
         except re.error as error:
@@ -77,13 +81,13 @@ class Recorder(HmapNode):
             raise InputError(f"parameter path: {path}: its folder cannot be made: {error}") from error
         self._types: Typestore = typestore()
         self._lock = threading.Lock()
-        self._writer = Writer(path, version=BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
-        self._writer.open()
+        self._writer = BagWriter(path, compress, size * MEGABYTE, duration)
         self._open = True
         self._topics: set[str] = set()
         self._count = 0
         self._bag_time = ContinuousTime()
         self.every(DISCOVERY_PERIOD, self._discover)
+        self.every(FLUSH_PERIOD, self._flush)
 
     def close(self) -> None:
         """Close the bag."""
@@ -92,6 +96,11 @@ class Recorder(HmapNode):
             if self._open:
                 self._open = False
                 self._writer.close()
+
+    def _flush(self) -> None:
+        with self._lock:
+            if self._open:
+                self._writer.flush()
 
     def _discover(self) -> None:
         for topic, kinds in self.get_topic_names_and_types():
@@ -102,7 +111,7 @@ class Recorder(HmapNode):
                 self._record(topic, kinds[0])
         back = self._bag_time.offset * 1e-9
         values: dict[str, Any] = {"clock_went_back_s": round(back, 3)} if back else {}
-        self.set_status("recording", topics=len(self._topics), messages=self._count, **values)
+        self.set_status("recording", topics=len(self._topics), messages=self._count, files=self._writer.files, **values)
 
     def _record(self, topic: str, kind: str) -> None:
         if kind not in self._types.fielddefs:
@@ -114,7 +123,7 @@ class Recorder(HmapNode):
         with self._lock:
             if not self._open:
                 return
-            connection = self._writer.add_connection(topic, kind, typestore=self._types)
+            connection = self._writer.add(topic, kind, self._types)
 
         def write(data: bytes) -> None:
             with self._lock:

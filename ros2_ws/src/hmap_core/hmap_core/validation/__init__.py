@@ -5,7 +5,7 @@ from the URDF, and measures exact distances with coal, also between the samples.
 rule.
 """
 
-from hmap_core.validation.judge import check
+from hmap_core.validation.judge import check, executed_clearance
 from hmap_core.validation.report import Kind, Report, Violation
 
-__all__ = ["Kind", "Report", "Violation", "check"]
+__all__ = ["Kind", "Report", "Violation", "check", "executed_clearance"]

@@ -63,11 +63,38 @@ def check(plan: dict) -> Report:
     toppling.check(world, made, support.finder, findings)
     presses.check(world, made, support.finder, findings)
     loads.check(world, made, support.finder, findings)
-    pairs = PairBuilder(world, _may_touch(made, support.pairs))
+    clearance = _clearance(world, _may_touch(made, support.pairs), findings)
+    error = objects.check_goal(world, findings)
+    violations = findings.violations()
+    return Report(not violations, violations, error, clearance)
+
+
+def executed_clearance(plan: dict, executed: dict) -> float | None:
+    """The smallest distance of what was executed, between all that does not touch by design.
+
+    Args:
+        plan: the content of a plan file; says what touches by design.
+        executed: the same with the measured trajectory.
+
+    Returns:
+        metres, negative where bodies overlap; None where nothing can collide.
+
+    Raises:
+        InputError: INVALID_PLAN_FILE; one of the two cannot be judged.
+    """
+    planned = World(document.read(plan))
+    made = contacts.collect(planned)
+    support = SupportCheck(planned, made, Findings())
+    support.run()
+    return _clearance(World(document.read(executed)), _may_touch(made, support.pairs), Findings())
+
+
+def _clearance(world: World, touching: set[frozenset[str]], findings: Findings) -> float | None:
+    """Look for penetrations, and find the smallest clearance, m."""
+    pairs = PairBuilder(world, touching)
+    clearance = None
     for reach in (*CLOSE, NEAR, math.inf) if pairs.many else (NEAR, math.inf):
         clearance = collision.check(world, pairs.build(reach), findings)
         if clearance is not None and clearance <= reach:
             break  # else the smallest clearance may be that of a pair that was left out
-    error = objects.check_goal(world, findings)
-    violations = findings.violations()
-    return Report(not violations, violations, error, clearance)
+    return clearance
