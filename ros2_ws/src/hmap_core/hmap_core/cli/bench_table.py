@@ -2,6 +2,7 @@
 
 import argparse
 import shlex
+import sys
 from pathlib import Path
 
 from hmap_core.cli.bench_tasks import TrialProgress, make_folder
@@ -79,21 +80,33 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def planner_names(chosen: list[str]) -> list[str]:
-    """The methods of a table: those chosen, or all, the default one first.
+    """The methods of a table: those chosen, or all that can be used here, the default one first.
 
     Raises:
-        InputError: a name is unknown, or given twice.
+        InputError: a method is unknown, cannot be used here, or is given twice.
     """
     from hmap_core.planner import plugins  # slow to import
 
     known = plugins.plugins(plugins.PLANNERS)
-    names = chosen or [DEFAULT_PLANNER, *sorted(set(known) - {DEFAULT_PLANNER})]
-    for name in names:
-        if name.partition(":")[0] not in known:
-            raise InputError(f"unknown planner '{name}'; there are {', '.join(sorted(known))}")
-        if names.count(name) > 1:
+    if not chosen:
+        return [name for name in (DEFAULT_PLANNER, *sorted(set(known) - {DEFAULT_PLANNER})) if _loads(name)]
+    for name in chosen:
+        plugins.create(plugins.PLANNERS, name)
+        if chosen.count(name) > 1:
             raise InputError(f"--planners names '{name}' twice; each is one row")
-    return names
+    return chosen
+
+
+def _loads(name: str) -> bool:
+    """Whether a method can be used here; if not, the reason is printed."""
+    from hmap_core.planner import plugins  # slow to import
+
+    try:
+        plugins.create(plugins.PLANNERS, name)
+    except InputError as error:
+        print(f"without {name}: {error.reason}", file=sys.stderr)
+        return False
+    return True
 
 
 def executed_tasks(tasks: list[str]) -> set[str]:

@@ -42,6 +42,8 @@ _BUILT_IN = {
         "birrt": "hmap_core.baselines.birrt:BirrtPlanner",
         "komo": "hmap_core.baselines.komo.planner:Komo",
         "lgp_star": "hmap_core.baselines.lgp_star.planner:LgpStar",
+        "rai_komo": "hmap_core.benchmark.rai_planner:RaiKomo",
+        "rai_lgp_star": "hmap_core.benchmark.rai_planner:RaiLgpStar",
     },
 }
 _registered: dict[str, dict[str, "Plugin"]] = {group: {} for group in KINDS}

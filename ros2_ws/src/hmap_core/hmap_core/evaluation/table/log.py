@@ -95,9 +95,9 @@ class TrialLog:
         if whole < len(data):
             stream.truncate(whole)
         for number, line in enumerate(data[:whole].splitlines(), 1):
-            self._take(line, number)
+            self._read_line(line, number)
 
-    def _take(self, line: bytes, number: int) -> None:
+    def _read_line(self, line: bytes, number: int) -> None:
         try:
             entry = json.loads(line)
             trial, given, session = Trial(**entry["trial"]), entry["result"], dict(entry["session"])

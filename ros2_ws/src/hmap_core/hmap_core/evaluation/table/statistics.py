@@ -59,7 +59,8 @@ class Cell:
     @property
     def stated(self) -> bool:
         """Whether the method can state the task at all."""
-        return not self.results or any(result.code != Code.UNKNOWN_TASK.name for result in self.results)
+        refused = {Code.UNKNOWN_TASK.name, Code.INVALID_INPUT.name}
+        return not self.results or any(result.code not in refused for result in self.results)
 
     @property
     def claimed(self) -> int:
