@@ -9,9 +9,9 @@ import validation_fixtures as plans
 from scipy.spatial.transform import Rotation, Slerp
 
 from hmap_core.validation import arm, document, rigid
-from hmap_core.validation.geometry import Boxes, Gauge, box_gap, hull, solid, transform
+from hmap_core.validation.geometry import Boxes, Gauge, Polytope, box_gap, hull, solid, transform
 from hmap_core.validation.reader import Reader
-from hmap_core.validation.support import SAMPLED_DEPTH, SupportFinder, _halfspaces, _sampled_interior, overlap
+from hmap_core.validation.support import SAMPLED_DEPTH, SupportFinder, _sampled_interior, overlap
 from hmap_core.validation.world import World
 
 PANDA = "pybullet_data://franka_panda/panda.urdf"
@@ -170,9 +170,10 @@ def test_overlap_of_a_box_with_its_support_is_the_same_from_any_point_inside(shi
     R = Rotation.from_euler("z", angle).as_matrix()
     standing = SOLIDS["box"].points @ R.T + [*shift, 0.149]  # 1 mm deep
     support = solid("box", (0.1, 0.1, 0.2)).points - [0.0, 0.0, 0.1]
-    guessed = overlap(standing, support)
+    bodies = Polytope.of(standing), Polytope.of(support)
+    guessed = overlap(*bodies)
     monkeypatch.setattr("hmap_core.validation.support._sampled_interior", lambda *_: None)
-    exact = overlap(standing, support)
+    exact = overlap(*bodies)
     assert (guessed is None) == (exact is None) == (shift[0] == 0.3)
     if exact is not None:
         near = np.linalg.norm(guessed[:, None] - exact[None], axis=2)
@@ -183,12 +184,12 @@ def test_overlap_of_a_box_with_its_support_is_the_same_from_any_point_inside(shi
 @pytest.mark.parametrize(("gap", "meets"), [(-1e-3, True), (-3e-7, True), (-1e-7, False), (0.0, False), (0.01, False)])
 def test_boxes_side_by_side_overlap_only_when_a_ball_fits_between(gap, meets):
     a = SOLIDS["box"].points
-    assert (overlap(a, a + [0.1 + gap, 0.02, 0.01]) is not None) == meets
+    assert (overlap(Polytope.of(a), Polytope.of(a + [0.1 + gap, 0.02, 0.01])) is not None) == meets
 
 
 def test_a_guessed_point_is_inside_both():
     a, b = SOLIDS["box"].points + [0.0, 0.0, 0.149], solid("box", (1.0, 1.0, 0.2)).points - [0.0, 0.0, 0.1]
-    x, y, z = _sampled_interior(a, _halfspaces(a), b, _halfspaces(b))
+    x, y, z = _sampled_interior(Polytope.of(a), Polytope.of(b))
     assert abs(x) < 0.05 - SAMPLED_DEPTH
     assert abs(y) < 0.1 - SAMPLED_DEPTH
     assert -1e-3 + SAMPLED_DEPTH < z < -SAMPLED_DEPTH
@@ -197,10 +198,21 @@ def test_a_guessed_point_is_inside_both():
 def test_overlap_of_two_boxes_is_their_common_box():
     a = SOLIDS["box"].points
     shift = np.array([0.04, 0.05, 0.06])
-    corners = overlap(a, a + shift)
+    corners = overlap(Polytope.of(a), Polytope.of(a + shift))
     np.testing.assert_allclose(corners.min(axis=0), shift - [0.05, 0.1, 0.15], atol=1e-9)
     np.testing.assert_allclose(corners.max(axis=0), [0.05, 0.1, 0.15], atol=1e-9)
-    assert overlap(a, a + [0.2, 0.0, 0.0]) is None
+    assert overlap(Polytope.of(a), Polytope.of(a + [0.2, 0.0, 0.0])) is None
+
+
+@pytest.mark.parametrize("name", ["box", "cylinder", "hull"])
+def test_faces_of_a_placed_shape_are_those_of_its_hull(name):
+    (R,), (p,) = random_frames(np.random.default_rng(8), 1)
+    placed = Polytope.around(SOLIDS[name], R, p)
+    middle = placed.points.mean(axis=0)
+    for share in (0.5, 0.999, 1.001, 2.0):  # points on rays from the middle through the vertices
+        points = middle + share * (placed.points - middle)
+        depth = (points @ placed.faces[:, :3].T + placed.faces[:, 3]).max(axis=1)
+        assert np.all(depth < 0.0) if share < 1.0 else np.all(depth > 0.0)
 
 
 UPRIGHT, LYING = [0.0, 0.0, 0.0, 1.0], [math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]

@@ -7,7 +7,6 @@ import numpy as np
 
 from hmap_core.validation import limits, rigid
 from hmap_core.validation.document import SegmentData
-from hmap_core.validation.geometry import Gauge
 from hmap_core.validation.near import nearest_first
 from hmap_core.validation.report import Findings, Kind
 from hmap_core.validation.world import Part, State, World
@@ -124,23 +123,15 @@ class Contact:
         best: tuple[float, tuple[Part, Part] | None] = (np.inf, None)
         if not parts or not objects:
             return best
-        for bound, (i, j) in nearest_first(self.world, parts, objects, k):
+        one, other = (np.array([self.world.number[part] for part in some], int) for some in (parts, objects))
+        for bound, (i, j) in nearest_first(self.world, one, other, k):
             if bound > max(best[0], 0.0):  # boxes that overlap tell nothing
                 break
-            a, b = parts[i], objects[j]
-            distance = self._gauge(a, b).distance(tracks[a].at(k), tracks[b].at(k))
+            a, b = self.world.parts[i], self.world.parts[j]
+            distance = self.world.gauge(a, b).distance(tracks[a].at(k), tracks[b].at(k))
             if distance < best[0]:
                 best = distance, (a, b)
         return best
-
-    def _gauge(self, a: Part, b: Part) -> Gauge:
-        if (a, b) not in self._gauges:
-            self._gauges[a, b] = Gauge(a.solid, b.solid)
-        return self._gauges[a, b]
-
-    @cached_property
-    def _gauges(self) -> dict[tuple[Part, Part], Gauge]:
-        return {}
 
     def normals(self, k: int) -> list[tuple[np.ndarray, np.ndarray]]:
         """The contact position and normal of each owner at sample k.
@@ -161,7 +152,7 @@ class Contact:
 
 
 def _witness(world: World, a: Part, b: Part, k: int) -> tuple[float, np.ndarray, np.ndarray]:
-    distance, _, point, normal = Gauge(a.solid, b.solid).witness(world.tracks[a].at(k), world.tracks[b].at(k))
+    distance, _, point, normal = world.gauge(a, b).witness(world.tracks[a].at(k), world.tracks[b].at(k))
     return distance, point, normal
 
 

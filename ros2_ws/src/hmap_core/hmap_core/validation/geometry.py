@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import coal
 import numpy as np
@@ -42,6 +42,11 @@ class Solid:
     half: np.ndarray
     volume: float
     centroid: np.ndarray
+
+    @cached_property
+    def faces(self) -> np.ndarray:
+        """The halfspaces (m, 4) of the hull of the points, see :func:`halfspaces`."""
+        return halfspaces(self.points)
 
     def support(self, directions: np.ndarray) -> np.ndarray:
         """How far the shape reaches from its origin along unit directions (n, 3): (n,) in metres."""
@@ -177,6 +182,33 @@ def solid_of(shape: ShapeData) -> Solid:
     if shape.vertices is not None:
         return hull(shape.vertices * np.asarray(shape.size), "mesh")
     return solid(shape.kind, shape.size, shape.mesh)
+
+
+def halfspaces(points: np.ndarray) -> np.ndarray:
+    """The hull of points (V, 3) as rows [normal, offset] with normal @ x + offset <= 0 inside."""
+    return np.unique(np.round(ConvexHull(points).equations, 12), axis=0)
+
+
+@dataclass(frozen=True)
+class Polytope:
+    """A convex polytope: vertices (V, 3) and halfspaces (m, 4), as :func:`halfspaces` returns them."""
+
+    points: np.ndarray
+    faces: np.ndarray
+
+    @classmethod
+    def of(cls, points: np.ndarray) -> "Polytope":
+        """The hull of points (V, 3)."""
+        return cls(points, halfspaces(points))
+
+    @classmethod
+    def around(cls, shape: Solid, R: np.ndarray, p: np.ndarray) -> "Polytope":
+        """The polytope of :func:`polytope_points`, at a rotation R (3, 3) and a position p (3,)."""
+        points = polytope_points(shape, R, p)
+        if shape.ball > 0.0:
+            return cls.of(points)
+        normals = shape.faces[:, :3] @ R.T
+        return cls(points, np.column_stack([normals, shape.faces[:, 3] - normals @ p]))
 
 
 def polytope_points(shape: Solid, R: np.ndarray, p: np.ndarray) -> np.ndarray:

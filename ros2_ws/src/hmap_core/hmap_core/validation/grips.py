@@ -4,7 +4,7 @@ import numpy as np
 
 from hmap_core.validation import limits
 from hmap_core.validation.contacts import Contact
-from hmap_core.validation.geometry import Gauge, transform
+from hmap_core.validation.geometry import transform
 from hmap_core.validation.report import Findings, Kind
 from hmap_core.validation.world import Part, World
 
@@ -48,7 +48,7 @@ def _check_edge(contact: Contact, findings: Findings) -> None:
         for angle in 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS:
             aside = limits.PAD_OFFSET * (np.cos(angle) * first + np.sin(angle) * second)
             T = transform(track.R[k], track.p[k] + aside)
-            gaps.append(min(Gauge(part.solid, b.solid).distance(T, world.tracks[b].at(k)) for b in objects))
+            gaps.append(min(world.gauge(part, b).distance(T, world.tracks[b].at(k)) for b in objects))
         findings.check(Kind.GRASP_AT_EDGE, contact.bodies, contact.segment.start, max(gaps), limits.CONTACT_GAP)
 
 
@@ -58,6 +58,6 @@ def _nearest(contact: Contact, parts: list[Part], k: int) -> tuple[float, Part, 
     found = []
     for a in parts:
         for b in contact.world.parts_of(contact.object):
-            distance, _, _, normal = Gauge(a.solid, b.solid).witness(tracks[a].at(k), tracks[b].at(k))
+            distance, _, _, normal = contact.world.gauge(a, b).witness(tracks[a].at(k), tracks[b].at(k))
             found.append((distance, a, b, normal))
     return min(found, key=lambda entry: entry[0])

@@ -1,6 +1,6 @@
 """Which parts come near each other, by boxes round them: what the judge leaves out in worlds of many parts."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -30,15 +30,11 @@ class SweptBoxes:
         self.lower, self.upper = np.empty(shape), np.empty(shape)
         for i, part in enumerate(self._parts):
             track = world.tracks[part]
-            count = 1 if track.still else world.samples
-            R, p = track.R[:count], track.p[:count]
-            center = p + R @ part.solid.center
-            half = np.abs(R) @ part.solid.half
+            low, high = world.boxes.spans[i]
             if track.still or world.samples < 2:
-                self.lower[:, i], self.upper[:, i] = center[0] - half[0], center[0] + half[0]
+                self.lower[:, i], self.upper[:, i] = low[0], high[0]
                 continue
             room = 0.5 * np.maximum.reduceat(motion[part], starts)[:, None]  # between two samples
-            low, high = center - half, center + half
             self.lower[:, i] = np.minimum(np.minimum.reduceat(low, starts), low[ends]) - room
             self.upper[:, i] = np.maximum(np.maximum.reduceat(high, starts), high[ends]) + room
 
@@ -87,32 +83,26 @@ def _apart(lower_a: np.ndarray, upper_a: np.ndarray, lower_b: np.ndarray, upper_
 
 
 def nearest_first(
-    world: World, parts: Sequence[Part], others: Sequence[Part], k: int
+    world: World, parts: np.ndarray, others: np.ndarray, k: int
 ) -> Iterator[tuple[float, tuple[int, int]]]:
     """All pairs of some parts with others, the nearest boxes first.
 
     Args:
         world: the plan.
-        parts, others: n and m parts.
+        parts, others: (n,) and (m,) numbers of parts.
         k: the sample.
 
     Yields:
         A lower bound on the distance in metres, and the numbers of the two parts.
     """
-    (low_a, high_a), (low_b, high_b) = boxes(world, parts, k), boxes(world, others, k)
-    bounds = _apart(low_a, high_a, low_b, high_b).ravel()
+    if not len(parts) or not len(others):
+        return
+    bounds = _apart(*world.boxes.at(parts, k), *world.boxes.at(others, k)).ravel()
     far = np.partition(bounds, SORTED)[SORTED] if len(bounds) > SORTED else np.inf
     for some in (bounds <= far, bounds > far):  # seldom more than the first few are asked for
-        numbers = np.flatnonzero(some)
-        numbers = numbers[np.argsort(bounds[numbers], kind="stable")]
-        for bound, number in zip(bounds[numbers].tolist(), numbers.tolist(), strict=True):
-            yield bound, divmod(number, len(others))
-
-
-def boxes(world: World, parts: Sequence[Part], k: int) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper corners (n, 3) of boxes round parts at sample k, world axes."""
-    tracks = [world.tracks[part] for part in parts]
-    R, p = np.array([track.R[k] for track in tracks]), np.array([track.p[k] for track in tracks])
-    center = p + np.einsum("nij,nj->ni", R, [part.solid.center for part in parts])
-    half = np.einsum("nij,nj->ni", np.abs(R), [part.solid.half for part in parts])
-    return center - half, center + half
+        pairs = np.flatnonzero(some)
+        pairs = pairs[np.argsort(bounds[pairs], kind="stable")]
+        one, other = np.divmod(pairs, len(others))
+        yield from zip(
+            bounds[pairs].tolist(), zip(parts[one].tolist(), others[other].tolist(), strict=True), strict=True
+        )

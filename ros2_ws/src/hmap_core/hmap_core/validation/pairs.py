@@ -40,7 +40,7 @@ class Pair:
     @cached_property
     def gauge(self) -> Gauge:
         """Measures the distance of the pair."""
-        return Gauge(self.a.solid, self.b.solid)
+        return self.world.gauge(self.a, self.b)
 
     @cached_property
     def axes(self) -> SeparatingAxes:

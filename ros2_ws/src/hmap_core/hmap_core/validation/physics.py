@@ -15,7 +15,7 @@ from scipy.spatial import Delaunay
 
 from hmap_core.validation import limits, rigid
 from hmap_core.validation.contacts import Contact
-from hmap_core.validation.geometry import Gauge, polytope_points
+from hmap_core.validation.geometry import Polytope, polytope_points
 from hmap_core.validation.report import Findings, Kind
 from hmap_core.validation.support import center_of_mass, overlap
 from hmap_core.validation.world import Part, World
@@ -31,11 +31,11 @@ def _patch(world: World, tip: Part, target: Part, k: int) -> tuple[np.ndarray, n
         Its corners (n, 3) and the unit normal (3,) into the target; None if the parts do not touch.
     """
     a, b = world.tracks[tip], world.tracks[target]
-    distance, _, point, normal = Gauge(tip.solid, target.solid).witness(a.at(k), b.at(k))
+    distance, _, point, normal = world.gauge(tip, target).witness(a.at(k), b.at(k))
     if distance > limits.CONTACT_GAP:
         return None
-    pressed = polytope_points(tip.solid, a.R[k], a.p[k] + limits.CONTACT_GAP * normal)
-    corners = overlap(pressed, polytope_points(target.solid, b.R[k], b.p[k]))
+    pressed = Polytope.around(tip.solid, a.R[k], a.p[k] + limits.CONTACT_GAP * normal)
+    corners = overlap(pressed, Polytope.around(target.solid, b.R[k], b.p[k]))
     return (point[None] if corners is None else corners), normal
 
 

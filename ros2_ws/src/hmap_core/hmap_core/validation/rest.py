@@ -8,11 +8,11 @@ stops it.
 from itertools import product
 
 import numpy as np
-import scipy
 from scipy.spatial import ConvexHull, QhullError
 
 from hmap_core.validation import limits
-from hmap_core.validation.geometry import Gauge, Solid, transform
+from hmap_core.validation.forces import balance
+from hmap_core.validation.geometry import Solid, transform
 from hmap_core.validation.world import Part, World
 
 DIRECTIONS = 8
@@ -58,17 +58,10 @@ def _balanced(wrenches: np.ndarray, lifts: np.ndarray, gravity: np.ndarray) -> b
     if not wrenches.size:
         return False
     scale = max(float(np.abs(wrenches[3:]).max()), TINY)
-    rows = np.vstack([wrenches[:3], wrenches[3:] / scale])
-    program = scipy.optimize.linprog(
-        np.ones(rows.shape[1]),
-        A_ub=-lifts[None],
-        b_ub=[-limits.REST_CARRIED],
-        A_eq=rows,
-        b_eq=np.r_[-gravity, 0.0, 0.0, 0.0],
-        bounds=(0.0, None),
-        method="highs",
-    )
-    return bool(program.success)
+    more = np.zeros((7, 1))  # what the normal forces carry beyond their share
+    more[6] = -1.0
+    rows = np.hstack([np.vstack([wrenches[:3], wrenches[3:] / scale, lifts]), more])
+    return balance(rows, np.r_[-gravity, 0.0, 0.0, 0.0, limits.REST_CARRIED])
 
 
 def _wrenches(
@@ -83,6 +76,8 @@ def _wrenches(
     for a, b in product(own, others):
         distance, points, normal = touch(world, a, b, k, offset)
         deepest = min(deepest, distance)
+        if not len(points):
+            continue
         friction = limits.REST_FRICTION * friction_of(world, a.holder, b.holder)
         for p, force in product(points - center - offset, cone(normal, friction)):
             columns.append(np.r_[force, np.cross(p, force)])
@@ -101,7 +96,7 @@ def touch(
     """
     A, B = world.tracks[a], world.tracks[b]
     place = A.p[k] + offset
-    distance, _, point, toward = Gauge(a.solid, b.solid).witness(transform(A.R[k], place), B.at(k))
+    distance, _, point, toward = world.gauge(a, b).witness(transform(A.R[k], place), B.at(k))
     if distance > limits.SUPPORT_GAP:
         return distance, np.zeros((0, 3)), -toward
     points = _touching(_feature(a.solid, A.R[k], place, toward), _feature(b.solid, B.R[k], B.p[k], -toward), toward)
@@ -125,7 +120,7 @@ def _touching(a: np.ndarray, b: np.ndarray, normal: np.ndarray) -> np.ndarray:
     axes = np.linalg.svd(normal[None])[2][1:]
     origin = b.mean(axis=0)
     u, v = (a - origin) @ axes.T, (b - origin) @ axes.T
-    found = [q for q in u if _covers(v, q)] + [q for q in v if _covers(u, q)]
+    found = [*u[_covered(v, u)], *v[_covered(u, v)]]
     found += [q for s, t in product(_sides(u), _sides(v)) for q in _crossing(*s, *t)]
     return origin + np.array(found).reshape(-1, 2) @ axes
 
@@ -139,17 +134,17 @@ def _sides(points: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
         return [(points[0], far)] if np.linalg.norm(far - points[0]) > TINY else []
 
 
-def _covers(points: np.ndarray, q: np.ndarray) -> bool:
-    """Whether the hull of points (n, 2) contains a point (2,)."""
+def _covered(points: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Which of some points (m, 2) the hull of points (n, 2) contains: (m,)."""
     try:
         equations = ConvexHull(points).equations
-        return bool((equations[:, :2] @ q + equations[:, 2]).max() <= FLAT)
+        return (others @ equations[:, :2].T + equations[:, 2]).max(axis=1) <= FLAT
     except (QhullError, ValueError):
         a = points[0]
         b = points[np.linalg.norm(points - a, axis=1).argmax()]
         length = float(np.linalg.norm(b - a))
-        share = float(np.clip((q - a) @ (b - a) / length**2, 0.0, 1.0)) if length > TINY else 0.0
-        return bool(np.linalg.norm(a + share * (b - a) - q) <= FLAT)
+        share = np.clip((others - a) @ (b - a) / length**2, 0.0, 1.0) if length > TINY else np.zeros(len(others))
+        return np.linalg.norm(a + share[:, None] * (b - a) - others, axis=1) <= FLAT
 
 
 def _crossing(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> list[np.ndarray]:

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
-import scipy
 
 from hmap_core.validation import limits
 from hmap_core.validation.contacts import Contact
+from hmap_core.validation.forces import balance
 from hmap_core.validation.report import Findings, Kind
 from hmap_core.validation.rest import cone, friction_of, touch
 from hmap_core.validation.support import SupportCheck, SupportFinder, center_of_mass, moved
@@ -122,7 +122,4 @@ def _balanced(
     rows[:, 3:] /= max(float(np.abs(rows[:, 3:]).max()), TINY)
     needed = np.zeros((n, 6))
     needed[:, 2] = weights
-    program = scipy.optimize.linprog(
-        np.ones(m), A_eq=rows.reshape(6 * n, m), b_eq=needed.ravel(), bounds=(0.0, None), method="highs"
-    )
-    return bool(program.success)
+    return balance(rows.reshape(6 * n, m), needed.ravel())

@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from hmap_core.validation import limits, rest
 from hmap_core.validation.contacts import Contact, runs
-from hmap_core.validation.geometry import Gauge, polytope_points, transform
+from hmap_core.validation.geometry import Polytope, transform
 from hmap_core.validation.near import nearest_first
 from hmap_core.validation.objects import deviation
 from hmap_core.validation.report import Findings, Kind
@@ -55,26 +55,12 @@ class Support:
         return bool(self.bodies) and self.inside >= limits.STABLE_MARGIN
 
 
-def _halfspaces(points: np.ndarray) -> np.ndarray:
-    """The hull of points (V, 3) as rows [normal, offset] with normal @ x + offset <= 0 inside."""
-    return np.unique(np.round(ConvexHull(points).equations, 12), axis=0)
-
-
-def overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray | None:
-    """Intersection of the convex hulls of two sets of points.
-
-    Args:
-        a: (n, 3), m.
-        b: (m, 3), m.
-
-    Returns:
-        Corners (k, 3) of the intersection; None if it is empty.
-    """
-    of_a, of_b = _halfspaces(a), _halfspaces(b)
-    if _separated_by_face(a, of_b) or _separated_by_face(b, of_a):
+def overlap(a: Polytope, b: Polytope) -> np.ndarray | None:
+    """Corners (k, 3) of the intersection of two polytopes; None if it is empty."""
+    if _separated_by_face(a.points, b.faces) or _separated_by_face(b.points, a.faces):
         return None
-    rows = np.vstack([of_a, of_b])
-    center = _sampled_interior(a, of_a, b, of_b)
+    rows = np.vstack([a.faces, b.faces])
+    center = _sampled_interior(a, b)
     if center is None:
         center = _center(rows)
     try:
@@ -93,22 +79,18 @@ def _separated_by_face(points: np.ndarray, rows: np.ndarray) -> bool:
     return bool(np.any((points @ rows[:, :3].T + rows[:, 3]).min(axis=0) > -2.0 * MIN_RADIUS))
 
 
-def _sampled_interior(a: np.ndarray, of_a: np.ndarray, b: np.ndarray, of_b: np.ndarray) -> np.ndarray | None:
-    """A point (3,) at least ``SAMPLED_DEPTH`` inside two hulls, by sampling; None if no sample qualifies.
+def _sampled_interior(a: Polytope, b: Polytope) -> np.ndarray | None:
+    """A point (3,) at least ``SAMPLED_DEPTH`` inside two polytopes, by sampling; None if no sample qualifies.
 
-    The samples lie between the mean of the corners that one hull has inside the other and the centre of the first hull.
-    This finds a point if one body stands on the other.
-
-    Args:
-        a, b: vertices (n, 3) of the hulls.
-        of_a, of_b: halfspaces (m, 4) of the hulls.
+    The samples lie between the mean of the corners that one has inside the other and the centre of the first one. This
+    finds a point if one body stands on the other.
     """
-    corners = np.vstack([a[_depth(of_b, a) >= 0.0], b[_depth(of_a, b) >= 0.0]])
+    corners = np.vstack([a.points[_depth(b.faces, a.points) >= 0.0], b.points[_depth(a.faces, b.points) >= 0.0]])
     if len(corners) == 0:
         return None
     begin = corners.mean(axis=0)
-    points = begin + CENTER_FRACTIONS[:, None] * (a.mean(axis=0) - begin)
-    depth = np.minimum(_depth(of_a, points), _depth(of_b, points))
+    points = begin + CENTER_FRACTIONS[:, None] * (a.points.mean(axis=0) - begin)
+    depth = np.minimum(_depth(a.faces, points), _depth(b.faces, points))
     return points[depth.argmax()] if depth.max() >= SAMPLED_DEPTH else None
 
 
@@ -154,75 +136,94 @@ class SupportFinder:
 
     def __init__(self, world: World):
         self._world = world
-        self._bodies = [part for part in world.parts if part.link is None]
-        self._cache: dict[tuple, tuple[float, np.ndarray | None]] = {}  # most bodies are at rest most of the time
+        # most bodies are at rest most of the time
+        self._contacts: dict[tuple, tuple[float, np.ndarray | None]] = {}
+        self._supports: dict[tuple, tuple[Support, bool]] = {}
+        self._stays: dict[tuple, bool] = {}
+        self._numbers: dict[str, tuple[np.ndarray, np.ndarray]] = {}
 
     def at(self, name: str, k: int, released: bool = False) -> Support:
         """The support of a body at sample k; one that was ``released`` there must not roll away either."""
+        near = self._nearest_pairs(name, k, limits.SUPPORT_GAP)
+        key = (name, *(self._key(part, other, k) for part, other in near))
+        if key not in self._supports:
+            self._supports[key] = self._support(name, near, k)
+        support, rolls = self._supports[key]
+        if support.gap <= limits.SUPPORT_GAP and (not support.stable or (released and rolls)):
+            return replace(support, stays=self._at_rest(name, k))
+        return support
+
+    def _support(self, name: str, near: list[tuple[Part, Part]], k: int) -> tuple[Support, bool]:
+        """The support of a body by near pairs of parts, without the forces, and whether it lies on a round side."""
         carriers, patches, gap = set(), [], np.inf
         rolls = False
-        for part, other in self._nearest_pairs(name, k, limits.SUPPORT_GAP):
-            distance, patch = self._cached_contact(part, other, k)
+        for part, other in near:
+            distance, patch = self._contact(part, other, k)
             gap = min(gap, distance)
             if patch is not None:
                 carriers.add(other.holder)
                 patches.append(patch[:, :2])
                 rolls |= self._round(part, k)
-        center = center_of_mass(self._world, name, k)
         region = np.vstack(patches) if patches else None
-        depth = inside(region, center[:2]) if region is not None else -np.inf
-        support = Support(frozenset(carriers), gap, depth, region=region)
-        if gap <= limits.SUPPORT_GAP and (not support.stable or (released and rolls)):
-            near = self._nearest_pairs(name, k, NEARBY)
-            beside = [other for part, other in near if self._cached_contact(part, other, k)[0] <= NEARBY]
-            support = replace(support, stays=rest.stays(self._world, name, list(dict.fromkeys(beside)), center, k))
-        return support
+        depth = inside(region, center_of_mass(self._world, name, k)[:2]) if region is not None else -np.inf
+        return Support(frozenset(carriers), gap, depth, region=region), rolls
+
+    def _at_rest(self, name: str, k: int) -> bool:
+        """Whether the forces of all that is near keep a body where it is."""
+        near = self._nearest_pairs(name, k, NEARBY)
+        beside = [(part, other) for part, other in near if self._contact(part, other, k)[0] <= NEARBY]
+        key = (name, *(self._key(part, other, k) for part, other in beside))
+        if key not in self._stays:
+            others = list(dict.fromkeys(other for _, other in beside))
+            self._stays[key] = rest.stays(self._world, name, others, center_of_mass(self._world, name, k), k)
+        return self._stays[key]
 
     def _nearest_pairs(self, name: str, k: int, reach: float) -> list[tuple[Part, Part]]:
         """The parts of a body with those of other bodies: all that are nearer than ``reach`` (m), and the nearest one.
 
         Distances of bounding boxes tell which can be left out.
         """
-        parts = self._world.parts_of(name)
-        others = [part for part in self._bodies if part.holder != name]
-        if not parts or not others:
-            return []
+        parts = self._world.parts
+        if name not in self._numbers:
+            bodies = [i for i, part in enumerate(parts) if part.link is None]
+            of_body = np.array([parts[i].holder == name for i in bodies], bool)
+            self._numbers[name] = np.array(bodies, int)[of_body], np.array(bodies, int)[~of_body]
         best, found = np.inf, []
-        for bound, (i, j) in nearest_first(self._world, parts, others, k):
+        for bound, (i, j) in nearest_first(self._world, *self._numbers[name], k):
             if bound > max(best, reach):
                 break
-            best = min(best, self._cached_contact(parts[i], others[j], k)[0])
+            best = min(best, self._contact(parts[i], parts[j], k)[0])
             found.append((i, j))
-        return [(parts[i], others[j]) for i, j in sorted(found)]
+        return [(parts[i], parts[j]) for i, j in sorted(found)]
 
     def _round(self, part: Part, k: int) -> bool:
         """Whether a part lies on a round side."""
         upright = abs(self._world.tracks[part].R[k][2, 2]) > UPRIGHT
         return part.solid.kind in ("sphere", "capsule") or (part.solid.kind == "cylinder" and not upright)
 
-    def _cached_contact(self, part: Part, other: Part, k: int) -> tuple[float, np.ndarray | None]:
+    def _key(self, part: Part, other: Part, k: int) -> tuple[Part, Part, bytes, bytes]:
+        """Two parts, and where they are at sample k."""
         poses = self._world.poses
-        key = part, other, poses[part.holder][k].tobytes(), poses[other.holder][k].tobytes()
-        if key not in self._cache:
-            self._cache[key] = self._contact(part, other, k)
-        return self._cache[key]
+        return part, other, poses[part.holder][k].tobytes(), poses[other.holder][k].tobytes()
 
     def _contact(self, part: Part, other: Part, k: int) -> tuple[float, np.ndarray | None]:
-        """Distance of two parts, and the patch where ``other`` supports ``part``.
+        """Distance (m) of two parts, and the corners (n, 3) of the patch where ``other`` supports ``part``, or None."""
+        key = self._key(part, other, k)
+        if key not in self._contacts:
+            self._contacts[key] = self._measured(part, other, k)
+        return self._contacts[key]
 
-        Returns:
-            The distance in metres, and the corners (n, 3) of the patch; None if there is none.
-        """
+    def _measured(self, part: Part, other: Part, k: int) -> tuple[float, np.ndarray | None]:
         a, b = self._world.tracks[part], self._world.tracks[other]
-        gauge = Gauge(part.solid, other.solid)
+        gauge = self._world.gauge(part, other)
         distance = gauge.distance(a.at(k), b.at(k))
         if distance > limits.SUPPORT_GAP:
             return distance, None
         raised = transform(a.R[k], a.p[k] - limits.GRAVITY_SLIDE * DOWN)
         if gauge.distance(raised, b.at(k)) <= MIN_RADIUS:
             return distance, None
-        lowered = polytope_points(part.solid, a.R[k], a.p[k] + limits.SUPPORT_GAP * DOWN)
-        return distance, overlap(lowered, polytope_points(other.solid, b.R[k], b.p[k]))
+        lowered = Polytope.around(part.solid, a.R[k], a.p[k] + limits.SUPPORT_GAP * DOWN)
+        return distance, overlap(lowered, Polytope.around(other.solid, b.R[k], b.p[k]))
 
 
 def moved(world: World, name: str, k: int) -> bool:

@@ -1,6 +1,6 @@
 """The robots and bodies of a plan in motion: poses of all parts at the samples and between them."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,7 +10,7 @@ import numpy as np
 
 from hmap_core.validation import arm, rigid
 from hmap_core.validation.document import BodyData, Document
-from hmap_core.validation.geometry import Solid, solid_of, transform
+from hmap_core.validation.geometry import Gauge, Solid, solid_of, transform
 from hmap_core.validation.motion import BodyMotion, LinkMotion, Motion, RelativeMotion, relative
 
 
@@ -114,6 +114,38 @@ class Track:
         return self._transforms[k]
 
 
+class AxisBoxes:
+    """Boxes round parts at M instants, along the axes of the world.
+
+    Args:
+        tracks: poses of P parts.
+
+    Attributes:
+        spans: lower and upper corners (M, 3) of the boxes of each part; (1, 3) of one that does not move.
+    """
+
+    def __init__(self, tracks: Sequence[Track]):
+        self.spans = [self._span(track) for track in tracks]
+        counts = np.array([len(low) for low, _ in self.spans], int)
+        self._first, self._step = np.cumsum(counts) - counts, np.minimum(counts - 1, 1)
+        self._low, self._high = (
+            np.concatenate([np.zeros((0, 3)), *corners]) for corners in zip(*self.spans, strict=True)
+        )
+
+    @staticmethod
+    def _span(track: Track) -> tuple[np.ndarray, np.ndarray]:
+        count = 1 if track.still else len(track.p)
+        R, p = track.R[:count], track.p[:count]
+        center = p + rigid.apply(R, track.part.solid.center)
+        half = rigid.apply(np.abs(R), track.part.solid.half)
+        return center - half, center + half
+
+    def at(self, numbers: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper corners (n, 3) of the boxes of n parts, given by number, at instant k, m."""
+        rows = self._first[numbers] + self._step[numbers] * k
+        return self._low[rows], self._high[rows]
+
+
 class World:
     """The robots and bodies of a plan in motion.
 
@@ -145,6 +177,7 @@ class World:
         self._bodies = {name: BodyMotion.of(poses) for name, poses in self.poses.items()}
         self.parts = [*self._robot_parts(), *self._body_parts()]
         self.tracks = {part: Track(part, self.state) for part in self.parts}
+        self._gauges: dict[tuple[Part, Part], Gauge] = {}
 
     def _poses(self, body: BodyData) -> np.ndarray:
         """Poses (N, 7); a body without a trajectory keeps its start pose."""
@@ -196,6 +229,22 @@ class World:
             return rigid.matrices(between[:, 3:]), between[:, :3]
 
         return State(OnDemand(links), OnDemand(body))
+
+    def gauge(self, a: Part, b: Part) -> Gauge:
+        """Measures the distance of two parts."""
+        if (a, b) not in self._gauges:
+            self._gauges[a, b] = Gauge(a.solid, b.solid)
+        return self._gauges[a, b]
+
+    @cached_property
+    def boxes(self) -> AxisBoxes:
+        """Boxes round all parts at the samples, in the order of ``parts``."""
+        return AxisBoxes(list(self.tracks.values()))
+
+    @cached_property
+    def number(self) -> dict[Part, int]:
+        """The place of each part in ``parts``."""
+        return {part: i for i, part in enumerate(self.parts)}
 
     def link_motion(self, part: Part) -> LinkMotion:
         """The motion of the link of a robot's part."""
