@@ -27,8 +27,11 @@ setup: $(STAMPS)/packages $(STAMPS)/precompiled
 demo: setup
 	$(VENV)/bin/hmap up tunnel --seed 0
 
+# Tests of one process run on two cores; after them, those that start graphs of nodes have the machine to themselves.
+GRAPHS := tests/system tests/examples
 test: setup lint
-	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/pytest $(PYTEST_ARGS)
+	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/pytest -n 2 --dist loadfile $(addprefix --ignore=,$(GRAPHS)) $(PYTEST_ARGS)
+	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/pytest $(GRAPHS) $(PYTEST_ARGS)
 
 # More of what `make test` does for some seconds: random faults in everything that comes from outside.
 fuzz: setup
