@@ -7,7 +7,7 @@ from obstacle_fixtures import gap, heavy_slab, tower
 from hmap_core.collision.convex import set_distance
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner.obstruction import carried_by, met
-from hmap_core.planner.placements import MIN_SPACE, given_place, level_faces, placements_of
+from hmap_core.planner.placements import MIN_SPACE, PER_GROUP, STEADY, given_place, inside, level_faces, placements_of
 from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.planner.sweep import joined, nearest, object_sweep, placed, robot_sweeps
 from hmap_core.transforms import interpolate, pose
@@ -51,6 +51,14 @@ def test_places_on_the_same_support_come_first_and_near_ones_before_far_ones(tmp
     far = np.linalg.norm(places[0][:2] - start[:2])
     assert far < 0.3
     np.testing.assert_array_equal(places[0][3:], start[3:])
+
+
+def test_places_near_an_edge_come_last(tmp_path):
+    scene = gap(tmp_path)
+    walls = level_faces(scene, scene.start_state(), frozenset({"one", "two", "brick", "table"}))
+    for seed in range(8):
+        for T in places_of(scene, "two", unsteady=frozenset({"table"}), seed=seed)[:PER_GROUP]:
+            assert max(inside(face.polygon, T[None, :2])[0] for face in walls) >= STEADY
 
 
 def test_a_given_place_counts_unless_it_is_in_the_way(tmp_path):

@@ -12,6 +12,7 @@ from hmap_core.komo.shapes import body_set
 from hmap_core.komo.surroundings import robot_set
 from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.planner.sweep import Sweep, joined, nearest, placed
+from hmap_core.stability.mass import centre_of_mass
 from hmap_core.stability.stacks import stack_tips
 from hmap_core.transforms import IDENTITY, apply, from_rpy, multiply, rotation_matrix
 from hmap_core.types import BodyKind, Scene, SceneState, TaskMode
@@ -26,6 +27,8 @@ STRETCH_WEIGHT = 2.0  # cost (m of distance) of a metre beyond that
 MIN_SPACE = 0.01  # m, free space around the body
 ROOM = 0.10  # m, room for a hand beside the body; less room has a cost
 ROOM_WEIGHT = 3.0  # cost (m of distance) of a missing metre of room, or of a metre of overhang over an edge
+STEADY = 0.01  # m, the centre of mass farther inside the face than this is steady
+STEADY_WEIGHT = 100.0  # cost (m of distance) of a missing metre of that
 TURN_COST = 0.1  # cost (m of distance) of a rotation by a right angle
 APART = 0.06  # m between two places on offer
 PER_GROUP = 4  # places of one sort on offer
@@ -157,6 +160,8 @@ class PlaceSearch:
         edge = np.maximum(0.0, half - inside(face.polygon, poses[:, :2]))
         cost = np.linalg.norm(poses[:, :3] - self.T[:3], axis=1) + (TURN_COST if yaw else 0.0)
         cost += STRETCH_WEIGHT * np.maximum(0.0, self.stretch(poses[:, :3], COMFORT_SHARE)) + ROOM_WEIGHT * edge
+        centre = rotation_matrix(turned) @ centre_of_mass(self.shapes)
+        cost += STEADY_WEIGHT * np.maximum(0.0, STEADY - inside(face.polygon, poses[:, :2] + centre[:2]))
         found = []
         for T, way in zip(poses, cost, strict=True):
             body = {self.name: transformed(self.shapes, T)}
