@@ -28,6 +28,7 @@ setup(
         "ruamel.yaml",
         "scipy",
         "trimesh",
+        "viser>=1.1.1,<1.2",
     ],
     extras_require={
         "bench": ["robotic==0.4.2"],

@@ -11,7 +11,7 @@ from hmap_core.command_line import keep_for_results, run_reported
 from hmap_core.garbage import collect_rarely
 
 ENTRY_POINTS = "hmap.commands"  # group of other packages' modules with HELP, add_arguments and run
-COMMANDS = ("tasks", "plan", "check", "execute", "bench", "plugins", "robot")
+COMMANDS = ("tasks", "plan", "check", "execute", "bench", "plugins", "robot", "view")
 BUILT_IN = {name: f"hmap_core.cli.{name}" for name in COMMANDS}
 
 
@@ -91,6 +91,19 @@ def count(text: str) -> int:
     value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"{text} is not 1 or larger")
+    return value
+
+
+def port_number(text: str) -> int:
+    """Parse the number of a TCP port.
+
+    Raises:
+        ArgumentTypeError: it is not from 0 to 65535.
+        ValueError: it is no integer.
+    """
+    value = int(text)
+    if not 0 <= value < 2**16:
+        raise argparse.ArgumentTypeError(f"{text} is no port; 0 (any free one) to 65535 is allowed")
     return value
 
 

@@ -3,6 +3,8 @@
 Method: Kuffner & LaValle, "RRT-Connect: An Efficient Approach to Single-Query Path Planning", ICRA 2000.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from hmap_core.waypoints import trees
@@ -43,13 +45,53 @@ def rrt_path(
         Poses (n, 7), or None if the rounds or the budget end without a path.
     """
     for fraction, max_motions in rounds:
-        path = _solve(checker, starts, goals, bounds, rng, fraction, max_motions * scale, budget)
+        path = grow_trees(checker, starts, goals, bounds, rng, fraction, max_motions * scale, budget).path()
         if path is not None:
             return path
     return None
 
 
-def _solve(checker, starts, goals, bounds, rng, fraction, max_motions, budget) -> np.ndarray | None:
+@dataclass(frozen=True)
+class GrownTrees:
+    """Two trees, from the starts and from the goals.
+
+    Attributes:
+        nodes: (2, N, 7) poses, of which each tree has the first ``count``.
+        parent: (2, N) index of each pose's parent, -1 for roots.
+        count: (3,) number of poses in each tree, and of iterations.
+        link: (2,) the nodes where the trees meet; -1 if they do not.
+    """
+
+    nodes: np.ndarray
+    parent: np.ndarray
+    count: np.ndarray
+    link: np.ndarray
+
+    def path(self) -> np.ndarray | None:
+        """Poses (n, 7) from a start to a goal; None if the trees do not meet."""
+        if self.link[0] < 0:
+            return None
+        way, back = (_branch(self.nodes[side], self.parent[side], self.link[side]) for side in (0, 1))
+        return np.concatenate([way[::-1], back])
+
+
+def grow_trees(
+    checker: ObjectChecker,
+    starts: list[np.ndarray],
+    goals: list[np.ndarray],
+    bounds: np.ndarray,
+    rng: np.random.Generator,
+    fraction: float,
+    max_motions: int,
+    budget: SearchBudget,
+) -> GrownTrees:
+    """Grow trees until they meet, or the budget ends.
+
+    Args:
+        checker, starts, goals, bounds, rng, budget: see :func:`rrt_path`.
+        fraction: longest step as a fraction of the space's extent.
+        max_motions: that may be checked.
+    """
     roots = (np.array(starts, float), np.array(goals, float))
     count = np.array([len(roots[0]), len(roots[1]), 0])
     nodes = np.empty((2, count.max() + max_motions, 7))
@@ -69,10 +111,7 @@ def _solve(checker, starts, goals, bounds, rng, fraction, max_motions, budget) -
         used += more
         budget.spend(more)
         checker.checks += more
-    if link[0] < 0:
-        return None
-    way, back = (_branch(nodes[side], parent[side], link[side]) for side in (0, 1))
-    return np.concatenate([way[::-1], back])
+    return GrownTrees(nodes, parent, count, link)
 
 
 def _space(checker: ObjectChecker, reference: np.ndarray, bounds: np.ndarray, fraction: float) -> tuple:
