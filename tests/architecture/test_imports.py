@@ -51,6 +51,7 @@ LAYERS = (
     {"execution"},
     {"simulation"},
     {"benchmark", "evaluation", "robot_setup", "viz"},
+    {"viewer"},
     {"precompile"},
     {"cli"},
     {"__main__"},

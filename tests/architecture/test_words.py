@@ -54,6 +54,7 @@ RETIRED_NAMES = {
 ALLOWED = (
     r"\btype hints?\b",
     r"\bof course\b",
+    r"\bhint=|\.hint\b",  # tooltips of viser
     r"\bstability margins?\b",
     r"\b(STABLE|SUPPORT|ANSWER|LIMIT)_MARGIN\b",
 )

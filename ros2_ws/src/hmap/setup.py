@@ -12,6 +12,7 @@ NODES = (
     "supervisor",
     "recorder",
     "dynamic_obstacles",
+    "viewer",
 )
 
 setup(
@@ -33,6 +34,8 @@ setup(
         "console_scripts": [f"{node} = hmap.nodes.{node}:main" for node in NODES],
         # sub-commands of the command `hmap`
         "hmap.commands": [f"{name} = hmap.commands.{name}" for name in ("bag", "compare", "evaluate", "run", "up")],
+        # readers of bags for `hmap view`
+        "hmap.recordings": ["mcap = hmap.recordings:read_bag"],
     },
     zip_safe=False,
 )

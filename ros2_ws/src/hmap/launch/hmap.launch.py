@@ -19,6 +19,7 @@ ARGUMENTS = {
     "real_time_factor": ("4.0", "speed of the simulation"),
     "record": ("true", "write a bag"),
     "dynamic_obstacles": ("0", "bodies that appear near the path, seen by the cameras only; simulated world only"),
+    "viewer": ("true", "offer the page for the browser"),
     "bag": ("bag", "folder of the bag; must not exist yet"),
 }
 
@@ -45,6 +46,7 @@ def generate_launch_description() -> LaunchDescription:
         _node("perception", [clock], condition=IfCondition(value["simulate"]), respawn=True),
         _node("perception", [clock, scene], condition=UnlessCondition(value["simulate"]), respawn=True),
         _node("recorder", [clock, bag], condition=IfCondition(value["record"])),
+        _node("viewer", [], condition=IfCondition(value["viewer"]), respawn=True),
         _node("supervisor", [clock, {"service_patience": RESPAWN_PATIENCE, "state_patience": RESPAWN_PATIENCE}]),
         *[_node(name, [], respawn=True) for name in PLANNERS],
     ]

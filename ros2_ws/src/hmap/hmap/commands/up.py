@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from hmap.environment import prepare_process
+from hmap.launcher.ports import free_port
 from hmap.launcher.processes import Graph, output_folder
 from hmap.launcher.spares import Spare, fork_spares
-from hmap_core.cli.main import natural, positive, seed_argument, zero_or_more
+from hmap_core.cli.main import natural, port_number, positive, seed_argument, zero_or_more
 from hmap_core.cli.progress import ProgressLine
 from hmap_core.command_line import keep_for_results
 from hmap_core.compile_cache import ensure_compiled
@@ -31,6 +32,7 @@ DEFAULT_TIME_LIMIT = 120.0  # s for planning
 INPUT_CODES = range(100, 200)  # of hmap_core.exceptions.Code
 YES, NO, BAD_INPUT = 0, 1, 2  # exit codes
 NODE_NAME = "hmap_up"
+LOCALHOST, PAGE_PORT = "127.0.0.1", 8080
 BAG, PLAN, PICTURE = "bag", "plan.json", "plan.png"  # files in the folder of the run
 
 
@@ -55,6 +57,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-picture", action="store_true", help="do not draw the plan")
     count = "bodies that appear near the path while it is executed, seen by the cameras only (1)"
     parser.add_argument("--dynamic-obstacles", type=natural, nargs="?", const=1, default=0, metavar="N", help=count)
+    parser.add_argument("--no-viewer", action="store_true", help="do not offer the page for the browser")
+    text = f"of the page, or the next free one ({PAGE_PORT})"
+    parser.add_argument("--port", type=port_number, default=PAGE_PORT, metavar="N", help=text)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--keep", action="store_true", help="leave the nodes running afterwards, until Ctrl-C")
 
@@ -92,7 +97,7 @@ def run(arguments: argparse.Namespace) -> int:
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    spares = fork_spares(NODES + (arguments.dynamic_obstacles > 0))
+    spares = fork_spares(NODES + (arguments.dynamic_obstacles > 0) + (not arguments.no_viewer))
     try:
         return _run(arguments, folder, stop, spares)
     except Stopped:
@@ -115,6 +120,10 @@ def _run(arguments: argparse.Namespace, folder: Path, stop: threading.Event, spa
                     raise Stopped
 
             _start(graph, session, arguments, folder, line, between)
+            if not arguments.no_viewer:
+                port = free_port(LOCALHOST, arguments.port)
+                graph.start("viewer", {"port": port})
+                line.note(f"page: http://{LOCALHOST}:{port}")
             session.manipulate(
                 arguments.task,
                 seed=arguments.seed,

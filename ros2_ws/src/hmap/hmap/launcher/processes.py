@@ -15,12 +15,12 @@ from hmap.launcher.spares import Spare
 from hmap_core.exceptions import Code, ExecutionError, InputError
 
 RESPAWNABLE = ("perception", "waypoint_planner", "contact_proposer", "komo_optimiser")  # have no state of their own
-OPTIONAL = ("recorder",)  # restarted, too; where that fails, the others go on without
+OPTIONAL = ("recorder", "viewer")  # restarted, too; where that fails, the others go on without
 RESPAWN_PATIENCE = 30.0  # s that the supervisor waits for a node that is started anew, on a busy machine
 # their messages have stamps; the others save time
 USES_SIM_TIME = ("perception", "supervisor", "recorder", "dynamic_obstacles")
 # planning has priority over these if there are few processors
-LOW_PRIORITY = ("world", "perception", "recorder", "dynamic_obstacles")
+LOW_PRIORITY = ("world", "perception", "recorder", "dynamic_obstacles", "viewer")
 NICE = 10  # niceness relative to the planning nodes
 MAX_STARTS = 5  # of one node
 WATCH_PERIOD = 0.2  # s

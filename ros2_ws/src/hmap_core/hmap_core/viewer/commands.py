@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-PAUSE, RESUME, STOP, SPEED = "pause", "resume", "stop", "speed"
+PAUSE, RESUME, STOP, CONFIRM, SPEED = "pause", "resume", "stop", "confirm", "speed"
 
 
 class Commands(Protocol):
@@ -13,7 +13,7 @@ class Commands(Protocol):
         ...
 
     def available(self) -> set[str]:
-        """Those of PAUSE, RESUME, STOP and SPEED that somebody listens to now."""
+        """Those of PAUSE, RESUME, STOP, CONFIRM and SPEED that somebody listens to now."""
         ...
 
     def start(self, task: str, seed: int, plan_only: bool) -> None:
@@ -29,9 +29,9 @@ class Commands(Protocol):
         ...
 
     def call(self, name: str) -> str:
-        """PAUSE, RESUME or STOP; the answer, for people."""
+        """PAUSE, RESUME, STOP or CONFIRM; the answer, for people."""
         ...
 
     def set_speed(self, share: float) -> None:
-        """Set the speed of motions, from 0 to 1."""
+        """Set the speed of motions, above 0, up to 1."""
         ...

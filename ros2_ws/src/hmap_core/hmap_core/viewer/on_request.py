@@ -9,7 +9,7 @@ from hmap_core.contacts.feasibility import carried, reach_bounds, reachable
 from hmap_core.exceptions import PlannerError
 from hmap_core.planner.contact_checker import LocalContactChecker, cleared
 from hmap_core.planner.object_path import object_path_problem
-from hmap_core.planner.protocols import ContactQuery, ObjectPathQuery
+from hmap_core.planner.protocols import ContactProposals, ContactQuery, ObjectPathQuery
 from hmap_core.planner.sampled_contacts import SampledContacts
 from hmap_core.trajectory.samples import index_at, state_at
 from hmap_core.transforms import apply, multiply, pose
@@ -99,7 +99,8 @@ def _refused(plan: Plan, segment: Segment) -> Iterator[tuple[np.ndarray, str]]:
     state = state_at(plan, first)
     rng = np.random.default_rng(plan.scene.seed)
     query = ContactQuery(plan.scene, state, name, poses, segment.robot, rng)
-    contacts = list(next(iter(SampledContacts().propose(query)), ()).contacts)[:MOST_CONTACTS]
+    batch = next(SampledContacts().propose(query), ContactProposals(()))
+    contacts = list(batch.contacts)[:MOST_CONTACTS]
     chosen = segment.T_obj_manipulator[:3]
     contacts = [contact for contact in contacts if np.linalg.norm(contact.T_obj_ee[:3] - chosen) > PLANNED]
     for contact, reason in zip(contacts, _reasons(query, contacts), strict=True):

@@ -1,9 +1,9 @@
 """The page: a scene, what is planned and done in it, and buttons. It knows no ROS."""
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from html import escape
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import viser
@@ -11,7 +11,7 @@ import viser
 from hmap_core.exceptions import HmapError
 from hmap_core.types import Plan, Scene, SceneState
 from hmap_core.viewer import plan_drawing, scene_drawing
-from hmap_core.viewer.commands import PAUSE, RESUME, SPEED, STOP, Commands
+from hmap_core.viewer.commands import CONFIRM, PAUSE, RESUME, SPEED, STOP, Commands
 from hmap_core.viewer.playback import Playback
 from hmap_core.viewer.recording import Recording, of_plan
 from hmap_core.viewer.search_html import live_search, search_html
@@ -20,6 +20,13 @@ RUN = "this run"
 LONGEST = 3600.0  # s of a run that are kept
 MOST_STEPS = 500  # of a search that is going on
 ABSENT = "the supervisor offers no {name}"
+ICONS = {
+    PAUSE: viser.Icon.PLAYER_PAUSE,
+    RESUME: viser.Icon.PLAYER_PLAY,
+    CONFIRM: viser.Icon.CHECK,
+    STOP: viser.Icon.HAND_STOP,
+}
+COLORS: dict[str, Literal["green", "red"]] = {CONFIRM: "green", STOP: "red"}
 HIDDEN = ("cameras",)  # layers that are not shown at first
 
 
@@ -81,6 +88,11 @@ class Page:
                 run.scene = scene
             else:
                 self._run = Recording(RUN, scene)
+                self.set_clouds({})
+                if self._commands is not None:
+                    if scene.task not in self._task.options:
+                        self._task.options = [scene.task, *self._task.options]
+                    self._task.value, self._seed.value = scene.task, scene.seed
                 self.playback.add(RUN, self._run, show=True)
 
     def add_state(self, stamp: float, state: SceneState) -> None:
@@ -157,31 +169,32 @@ class Page:
     def _add_buttons(self, commands: Commands) -> None:
         gui = self.server.gui
         with gui.add_folder("Task"):
-            task = gui.add_dropdown("Task", commands.tasks() or [""])
-            seed = gui.add_number("Seed", 0, min=0, max=2**31 - 1, step=1)
+            self._task: Any = gui.add_dropdown("Task", commands.tasks() or [""])
+            self._seed: Any = gui.add_number("Seed", 0, min=0, max=2**31 - 1, step=1)
             plan = gui.add_button("Plan", icon=viser.Icon.ROUTE, hint="plan the task, and move nothing")
             execute = gui.add_button("Execute", icon=viser.Icon.PLAYER_PLAY, hint="plan the task, and execute the plan")
             cancel = gui.add_button("Cancel", icon=viser.Icon.X, hint="end the goal; the robots stop")
             replan = gui.add_button("Replan", icon=viser.Icon.REFRESH, hint="plan and execute anew from here")
-            pause, resume, stop = (
-                gui.add_button(name.capitalize(), icon=icon, color=color, disabled=True, hint=ABSENT.format(name=name))
-                for name, icon, color in (
-                    (PAUSE, viser.Icon.PLAYER_PAUSE, None),
-                    (RESUME, viser.Icon.PLAYER_PLAY, None),
-                    (STOP, viser.Icon.HAND_STOP, "red"),
+            services: dict[str, Any] = {}
+            for name, icon in ICONS.items():
+                color = COLORS.get(name)
+                services[name] = gui.add_button(
+                    name.capitalize(), icon=icon, color=color, disabled=True, hint=ABSENT.format(name=name)
                 )
-            )
-            speed = gui.add_slider("Speed", 0.0, 1.0, 0.05, 1.0, disabled=True, hint=ABSENT.format(name=SPEED))
-        self._optional: dict[str, Any] = {PAUSE: pause, RESUME: resume, STOP: stop, SPEED: speed}
-        plan.on_click(lambda _: self._try(lambda: commands.start(task.value, int(seed.value), True)))
-        execute.on_click(lambda _: self._try(lambda: commands.start(task.value, int(seed.value), False)))
+            speed = gui.add_slider("Speed", 0.05, 1.0, 0.05, 1.0, disabled=True, hint=ABSENT.format(name=SPEED))
+        self._optional: dict[str, Any] = services | {SPEED: speed}
+        plan.on_click(lambda _: self._try(lambda: commands.start(self._task.value, int(self._seed.value), True)))
+        execute.on_click(lambda _: self._try(lambda: commands.start(self._task.value, int(self._seed.value), False)))
         cancel.on_click(lambda _: self._try(commands.cancel))
         replan.on_click(lambda _: self._try(commands.replan))
-        for name, button in ((PAUSE, pause), (RESUME, resume), (STOP, stop)):
-            button.on_click(lambda _, name=name: self._try(lambda: commands.call(name)))
+        for name, button in services.items():
+            button.on_click(self._calling(commands, name))
         speed.on_update(lambda event: self._try(lambda: commands.set_speed(float(event.target.value))))
 
-    def _try(self, command) -> None:
+    def _calling(self, commands: Commands, name: str) -> Callable[[Any], None]:
+        return lambda _: self._try(lambda: commands.call(name))
+
+    def _try(self, command: Callable[[], Any]) -> None:
         """Give a command, and say what came of it."""
         try:
             answer = command()

@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
 import viser
 
@@ -35,13 +36,13 @@ class Playback:
         self._server, self._on_time = server, on_time
         self._lock = threading.RLock()
         self._end = threading.Event()
-        gui = server.gui
+        gui = server.gui  # whose handles are not typed in a way that a checker could follow
         with gui.add_folder("Time"):
-            self._choice = gui.add_dropdown("Show", [NOTHING])
-            self._slider = gui.add_slider("Time (s)", 0.0, 1.0, STEP, 0.0)
-            self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY)
-            self._follow = gui.add_checkbox("Follow the newest", True, hint="of a run that goes on")
-            self._beside = gui.add_dropdown("Beside it", [NOTHING], hint="a second plan or run at the same time")
+            self._choice: Any = gui.add_dropdown("Show", [NOTHING])
+            self._slider: Any = gui.add_slider("Time (s)", 0.0, 1.0, STEP, 0.0)
+            self._play: Any = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY)
+            self._follow: Any = gui.add_checkbox("Follow the newest", True, hint="of a run that goes on")
+            self._beside: Any = gui.add_dropdown("Beside it", [NOTHING], hint="a second plan or run at the same time")
         self._playing = False
         self._choice.on_update(lambda _: self._chosen())
         self._beside.on_update(lambda _: self._chosen())

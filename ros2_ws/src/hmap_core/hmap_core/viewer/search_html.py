@@ -5,7 +5,7 @@ from html import escape
 from typing import Any
 
 STYLE = "font-size: 12px; line-height: 1.35; max-height: 340px; overflow: auto; padding: 4px 8px;"
-INDENT = "margin-left: 12px; border-left: 1px solid #ccc; padding-left: 6px;"
+INDENT = "border-left: 1px solid #ccc; padding-left: 10px;"
 GREEN, RED = "#1a9e40", "#c02020"
 MOST = 800  # entries; a page with more is slow
 
