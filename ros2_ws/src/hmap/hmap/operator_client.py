@@ -23,9 +23,15 @@ class OperatorClient:
             node: that calls.
             supervisor: name of the supervisor, in the node's namespace.
         """
+        self._node = node
         self._clients = {name: node.create_client(Trigger, f"{supervisor}/{name}") for name in SERVICES}
         self._speed = node.create_publisher(Float64, "speed_scaling", 1)
         self._acceleration = node.create_publisher(Float64, "acceleration_scaling", 1)
+
+    def available(self) -> set[str]:
+        """The services that a supervisor offers now, and ``speed`` where one listens to :meth:`scale_speed`."""
+        found = {name for name, client in self._clients.items() if client.service_is_ready()}
+        return found | ({"speed"} if self._node.count_subscribers("speed_scaling") else set())
 
     def call(self, name: str) -> tuple[bool, str]:
         """Call ``pause``, ``resume``, ``stop`` or ``confirm``.

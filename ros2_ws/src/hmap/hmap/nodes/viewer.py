@@ -2,22 +2,19 @@
 
 import json
 import sys
-import threading
-import time
 
 import numpy as np
 from action_msgs.srv import CancelGoal
-from std_msgs.msg import Float64, String
-from std_srvs.srv import Trigger
+from std_msgs.msg import String
 
 from hmap.conversions import cloud_from_message, plan_from_message, scene_from_message, state_from_message
 from hmap.node import LATCHED, HmapNode, run
+from hmap.operator_client import OperatorClient
 from hmap.session import Session
 from hmap_core.exceptions import Code, InputError, PlannerError
 from hmap_core.scenes.tasks import list_tasks
 from hmap_core.transforms import apply
 from hmap_core.types import Scene
-from hmap_core.viewer.commands import CONFIRM, PAUSE, RESUME, SPEED, STOP
 from hmap_core.viewer.page import Page
 from hmap_core.viewer.server import LOCALHOST, PORT, address, open_server
 from hmap_msgs.msg import ObjectClouds, PlannerStatus, WorldState
@@ -27,11 +24,7 @@ from hmap_msgs_py.checks import ConversionError
 from hmap_msgs_py.poses import pose_from_message
 from hmap_msgs_py.times import seconds_from_message
 
-SUPERVISOR = "supervisor"
-SERVICES = (PAUSE, RESUME, STOP, CONFIRM)  # of the supervisor
 REFRESH = 0.5  # s between two looks at who offers what
-ANSWER_LIMIT = 5.0  # s for a service of the supervisor
-POLL = 0.02  # s
 
 
 class Viewer(HmapNode):
@@ -50,11 +43,8 @@ class Viewer(HmapNode):
         self._scene: Scene | None = None
         self._told = True  # whether the end of the goal was told
         self._seed = 0
-        self._supervisor = {
-            name: self.create_client(Trigger, f"{SUPERVISOR}/{name}", callback_group=self.group) for name in SERVICES
-        }
+        self._operator = OperatorClient(self)
         self._cancels = self.create_client(CancelGoal, "manipulate/_action/cancel_goal", callback_group=self.group)
-        self._speed = self.create_publisher(Float64, "speed_scaling", 1)
         self._page = Page(open_server(host, port), self)
         self.subscribe(SceneMessage, "scene", self._take_scene, LATCHED)
         self.subscribe(WorldState, "world_state", self._take_state, 1)
@@ -121,8 +111,7 @@ class Viewer(HmapNode):
 
     def available(self) -> set[str]:
         """What the supervisor offers now."""
-        found = {name for name, client in self._supervisor.items() if client.service_is_ready()}
-        return found | ({SPEED} if self.count_subscribers("speed_scaling") else set())
+        return self._operator.available()
 
     def start(self, task: str, seed: int, plan_only: bool) -> None:
         """Give the goal of a task."""
@@ -154,29 +143,12 @@ class Viewer(HmapNode):
         self._cancels.call_async(CancelGoal.Request())  # without a goal's number: all
 
     def call(self, name: str) -> str:
-        """Call a service of the supervisor; its answer.
-
-        Raises:
-            PlannerError: SERVICE_UNAVAILABLE; nobody offers it, or nobody answers.
-        """
-        client = self._supervisor[name]
-        if not client.service_is_ready():
-            raise PlannerError(f"no supervisor offers the service {name!r}", Code.SERVICE_UNAVAILABLE)
-        future = client.call_async(Trigger.Request())
-        done = threading.Event()
-        future.add_done_callback(lambda _: done.set())
-        until = time.monotonic() + ANSWER_LIMIT
-        while not done.wait(POLL):
-            if time.monotonic() > until or self.stopping.is_set():
-                client.remove_pending_request(future)
-                raise PlannerError(
-                    f"the service {name!r} did not answer in {ANSWER_LIMIT:g} s", Code.SERVICE_UNAVAILABLE
-                )
-        return str(future.result().message)
+        """Call a service of the supervisor; its answer. Raises PlannerError where nobody answers."""
+        return self._operator.call(name)[1]
 
     def set_speed(self, share: float) -> None:
         """Scale the speed of motions."""
-        self._speed.publish(Float64(data=share))
+        self._operator.scale_speed(share)
 
 
 def main(args: list[str] | None = None) -> int:

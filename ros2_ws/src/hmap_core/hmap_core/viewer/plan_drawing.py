@@ -16,7 +16,7 @@ RED, YELLOW, REFUSED, PATH, GHOST = (220, 30, 30), (255, 209, 13), (120, 40, 110
 WAYPOINT_RADIUS, CONTACT_RADIUS, REFUSED_RADIUS = 0.014, 0.014, 0.007  # m
 GHOST_OPACITY = 0.18
 GHOSTS = 8  # of the object along its path, at most, beside those at waypoints
-PATH_WIDTH = 3.0  # pixels
+PATH_WIDTH, TREE_WIDTH = 0.004, 0.0015  # m
 
 LAYERS = ("path", "ghosts", "waypoints", "contacts", "refused", "search tree")
 
@@ -111,7 +111,10 @@ class PlanDrawing:
     def show_tree(self, edges: np.ndarray) -> None:
         """Draw a search tree of the object's path: edges (E, 2, 3) between positions, world frame, m."""
         self._api.add_line_segments(
-            f"{self._name}/search tree/edges", np.asarray(edges, np.float32), colors=(60, 110, 200), line_width=1.0
+            f"{self._name}/search tree/edges",
+            np.asarray(edges, np.float32),
+            colors=(60, 110, 200),
+            thickness=TREE_WIDTH,
         )
 
     def _draw_path(self, poses: np.ndarray | None) -> None:
@@ -121,7 +124,7 @@ class PlanDrawing:
         moved = np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-6
         segments = np.stack([points[:-1], points[1:]], axis=1)[moved]
         if len(segments):
-            self._api.add_line_segments(f"{self._name}/path/line", segments, colors=PATH, line_width=PATH_WIDTH)
+            self._api.add_line_segments(f"{self._name}/path/line", segments, colors=PATH, thickness=PATH_WIDTH)
 
     def _label(self, name: str, text: str) -> None:
         self._api.add_label(

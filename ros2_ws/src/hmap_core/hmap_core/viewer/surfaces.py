@@ -53,11 +53,10 @@ def link_surfaces(model: RobotModel) -> dict[str, list[Surface]]:
     """The surfaces of a robot's links, in their frames: what its description draws, else its collision shapes."""
     description = load_robot_description(model.urdf).require_valid()
     found: dict[str, list[Surface]] = {}
-    element = Element("robot") if description.element is None else description.element
-    named = {m.get("name", ""): color for m in element.findall("material") if (color := _color(m)) is not None}
+    element: Element = Element("robot") if description.element is None else description.element
+    named = {m.get("name", ""): color for m in element.findall("material") if (color := _color(m))}
     for material in element.findall("link/visual/material"):
-        color = _color(material)
-        if color is not None:
+        if color := _color(material):
             named.setdefault(material.get("name", ""), color)
     drawn = {link.get("name", ""): link.findall("visual") for link in element.findall("link")}
     for name, link in description.links.items():
@@ -67,8 +66,8 @@ def link_surfaces(model: RobotModel) -> dict[str, list[Surface]]:
                 Node(visual, f"link '{name}'", description.file, []),
                 lambda mesh: find_file(mesh, description.file, description.packages),
             )
-            material = visual.find("material")
-            color = None if material is None else _color(material) or named.get(material.get("name", ""))
+            painted = visual.find("material")
+            color = None if painted is None else _color(painted) or named.get(painted.get("name", ""))
             if shape is not None:
                 parts.setdefault(color or (GREY, 1.0), []).append(_drawn(shape))
         if not parts and link.shapes:
@@ -79,8 +78,8 @@ def link_surfaces(model: RobotModel) -> dict[str, list[Surface]]:
 
 def _color(material: Element) -> tuple[Color, float] | None:
     """RGB and opacity that a material names; None where it names none."""
-    element = material.find("color")
-    texts = "" if element is None else element.get("rgba", "")
+    color = material.find("color")
+    texts = "" if color is None else color.get("rgba", "")
     try:
         numbers = [min(max(float(text), 0.0), 1.0) for text in texts.split()]
     except ValueError:
