@@ -1,6 +1,7 @@
 """The page: a scene, what is planned and done in it, and buttons. It knows no ROS."""
 
 import threading
+import time
 from collections.abc import Callable, Mapping
 from html import escape
 from typing import Any, Literal
@@ -18,6 +19,7 @@ from hmap_core.viewer.search_html import live_search, search_html
 
 RUN = "this run"
 LONGEST = 3600.0  # s of a run that are kept
+LIVE_PERIOD = 0.2  # s between two states that are drawn while a run goes on
 MOST_STEPS = 500  # of a search that is going on
 ABSENT = "the supervisor offers no {name}"
 ICONS = {
@@ -43,6 +45,7 @@ class Page:
         self._lock = threading.RLock()
         self._run: Recording | None = None
         self._began = 0.0  # s, stamp of the first state of the run
+        self._drawn = 0.0  # when a state was drawn last, s of the steady clock
         self._plans = 0
         self._steps: list[tuple[int, int, int, str]] = []
         self._final: Mapping[str, Any] | None = None  # the search tree of a search that has ended
@@ -108,7 +111,9 @@ class Page:
             run.add(stamp - self._began, state)
             if len(run.times) == 1:
                 run.times[0] = 0.0
-            if self.server.get_clients():
+            now = time.monotonic()
+            if now - self._drawn > LIVE_PERIOD and self.server.get_clients():
+                self._drawn = now
                 self.playback.grown(RUN)
 
     def set_plan(self, plan: Plan) -> None:

@@ -17,7 +17,7 @@ CLOUD_COLOR = (20, 160, 170)
 POINT_SIZE = 0.003  # m
 CAMERA_SIZE = 0.08  # m
 LAYERS = ("goal", "cameras", "clouds")
-MOVED = 1e-6  # m or 1; smaller changes of a pose are not sent
+MOVED = 1e-5  # m or 1; smaller changes of a pose are not sent
 
 
 def wxyz(T: np.ndarray) -> tuple[float, float, float, float]:
