@@ -44,7 +44,6 @@ class Page:
         self.server, self._commands = server, commands
         self._lock = threading.RLock()
         self._run: Recording | None = None
-        self._began = 0.0  # s, stamp of the first state of the run
         self._drawn = 0.0  # when a state was drawn last, s of the steady clock
         self._plans = 0
         self._steps: list[tuple[int, int, int, str]] = []
@@ -104,13 +103,9 @@ class Page:
             run = self._run
             if run is None:
                 return
-            if not run.times or stamp < self._began or run.duration > LONGEST:
-                self._began = stamp
-                run.times.clear()
-                run.states.clear()
-            run.add(stamp - self._began, state)
-            if len(run.times) == 1:
-                run.times[0] = 0.0
+            if run.began is None or stamp < run.began or run.duration > LONGEST:
+                run.restart(stamp)
+            run.add(stamp - run.began, state)
             now = time.monotonic()
             if now - self._drawn > LIVE_PERIOD and self.server.get_clients():
                 self._drawn = now

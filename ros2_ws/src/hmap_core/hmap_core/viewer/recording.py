@@ -25,6 +25,7 @@ class Recording:
         captions: what is going on from a time (s) on, in the order of time.
         plans: the plan that is followed from a time (s) on, in the order of time.
         searches: what was tried for a plan, told at a time (s), in the order of time.
+        began: s, stamp of the first state; None before there is one, or where there are no stamps.
     """
 
     name: str
@@ -34,11 +35,20 @@ class Recording:
     captions: list[tuple[float, str]] = field(default_factory=list)
     plans: list[tuple[float, Plan]] = field(default_factory=list)
     searches: list[tuple[float, dict[str, Any]]] = field(default_factory=list)
+    began: float | None = None
 
     @property
     def duration(self) -> float:
         """s."""
         return self.times[-1] if self.times else 0.0
+
+    def restart(self, began: float) -> None:
+        """Begin anew at a stamp (s), with the plan that is followed now."""
+        self.began = began
+        for entries in (self.times, self.states, self.captions):
+            entries.clear()
+        self.plans = [(0.0, plan) for _, plan in self.plans[-1:]]
+        self.searches = [(0.0, search) for _, search in self.searches[-1:]]
 
     def add(self, time: float, state: SceneState) -> None:
         """Add a newer state; one that is not newer than the last one is left out."""
