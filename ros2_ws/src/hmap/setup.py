@@ -14,6 +14,7 @@ NODES = (
     "dynamic_obstacles",
     "viewer",
 )
+COMMANDS = ("bag", "compare", "doctor", "evaluate", "run", "up")
 
 setup(
     name=PACKAGE,
@@ -33,7 +34,7 @@ setup(
     entry_points={
         "console_scripts": [f"{node} = hmap.nodes.{node}:main" for node in NODES],
         # sub-commands of the command `hmap`
-        "hmap.commands": [f"{name} = hmap.commands.{name}" for name in ("bag", "compare", "evaluate", "run", "up")],
+        "hmap.commands": [f"{name} = hmap.commands.{name}" for name in COMMANDS],
         # readers of bags for `hmap view`
         "hmap.recordings": ["mcap = hmap.recordings:read_bag"],
     },

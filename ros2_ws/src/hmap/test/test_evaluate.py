@@ -57,7 +57,7 @@ class Record:
         self.plan, self.slower, self.offset = planned(), slower, np.r_[0.0, offset, np.zeros(5)]
         self.writer, self._connections, self._types = BagWriter(path), {}, typestore()
 
-    def put(self, topic: str, time: float, message) -> None:
+    def write(self, topic: str, time: float, message) -> None:
         if topic not in self._connections:
             self._connections[topic] = self.writer.add(topic, TYPES[topic], self._types)
         self.writer.write(self._connections[topic], int(time * 1e9), serialize_message(message))
@@ -65,15 +65,15 @@ class Record:
     def status(self, time: float, phase: str, elapsed: float, text: str = "") -> None:
         message = PlannerStatus(phase=phase, elapsed=elapsed, text=text)
         message.header.stamp = time_to_message(time)
-        self.put("/planner_status", time, message)
+        self.write("/planner_status", time, message)
 
     def planned(self, scene: bool = True) -> None:
         if scene:
-            self.put("/scene", 8.0, scene_to_message(self.plan.scene))
+            self.write("/scene", 8.0, scene_to_message(self.plan.scene))
         self.status(8.1, "idle", 0.0)
         self.status(8.2, "waypoints", 0.1)
         self.status(9.0, "contacts", 1.0)
-        self.put("/plan", 9.8, plan_to_message(self.plan, time_to_message(9.8)))
+        self.write("/plan", 9.8, plan_to_message(self.plan, time_to_message(9.8)))
         self.status(BEGIN, "execution", PLANNING)
 
     def executed(self, share: float = 1.0, wire: str = "") -> float:
@@ -88,10 +88,10 @@ class Record:
                 message = JointState(name=names, position=state.q[ROBOT].tolist())
                 pose = PoseStamped(pose=pose_to_message(state.poses["box"]))
                 message.header.stamp = pose.header.stamp = time_to_message(at)
-                self.put("/joint_states", at, message)
-                self.put("/vicon/box/box", at, pose)
+                self.write("/joint_states", at, message)
+                self.write("/vicon/box/box", at, pose)
             else:
-                self.put("/world_state", at, state_to_message(self.plan.scene, state, time_to_message(at)))
+                self.write("/world_state", at, state_to_message(self.plan.scene, state, time_to_message(at)))
         return at
 
 

@@ -11,14 +11,16 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import CameraInfo, Image, JointState
+from tf2_msgs.msg import TFMessage
 
 from hmap.conversions import cloud_to_message, scene_from_message, scene_to_message, state_to_message
 from hmap.naming import Naming
 from hmap.node import LATCHED, HmapNode, run
 from hmap.perception.detected_objects import DetectedObjects
+from hmap.perception.frames import Frames
 from hmap.perception.fusion import Fusion
 from hmap.perception.pictures import Picture, PictureParts
 from hmap.perception.pose_filter import POSE_NOISE
@@ -27,6 +29,7 @@ from hmap_core.contacts.camera import Cloud
 from hmap_core.contacts.cloud import cloud_from_depth, merge_clouds
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes import load_scene
+from hmap_core.transforms import multiply
 from hmap_core.types import BodyKind, Scene
 from hmap_msgs.msg import BodyArray, InstanceNames, ObjectClouds, WorldState
 from hmap_msgs.msg import Scene as SceneMessage
@@ -37,6 +40,8 @@ from hmap_msgs_py.poses import pose_from_message
 from hmap_msgs_py.times import seconds_from_message, time_to_message
 
 FRAME = "world"
+TF = QoSProfile(depth=100)
+TF_STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 CAMERA_TOPICS = {
     "depth": ("aligned_depth_to_color/image_raw", Image),
     "info": ("aligned_depth_to_color/camera_info", CameraInfo),
@@ -66,7 +71,7 @@ class Perception(HmapNode):
         rate = self.parameter("rate", 10.0, "of world_state, Hz of real time", 0.1, 1000.0)
         text = "s; measurements that are older, or stamped farther ahead of the clock, are not published"
         self._stale_after = self.parameter("stale_after", 1.0, text, 0.01, 3600.0)
-        frames = "accepted frame_ids of body poses, which all have to mean the world frame"
+        frames = "frame_ids that mean the world frame; poses in other frames are transformed by tf"
         self._frames = set(self.parameter("pose_frames", ["world", "vicon"], frames))
         text = "m, standard deviation of measured positions; poses of bodies that stand are averaged; 0: they are not"
         self._noise = self.parameter("pose_noise", POSE_NOISE, text, 0.0, 0.1)
@@ -83,7 +88,13 @@ class Perception(HmapNode):
         self._scene_subscriptions: list[Subscription] = []
         self._seen: dict[str, dict[str, Cloud]] = {}  # object -> camera -> its cloud
         self._clouds_time = -math.inf  # s; of the newest picture in it
-        self.subscribe(JointState, "joint_states", self._take_joints)
+        self._tf = Frames()
+        for topic, qos in (("/tf_static", TF_STATIC), ("/tf", TF)):
+            self.subscribe(TFMessage, topic, self._tf.add, qos)
+        # broadcasters of some drivers offer best effort only, which a reliable subscription does not receive
+        events = SubscriptionEventCallbacks(incompatible_qos=self._take_best_effort)
+        self._best_effort: Subscription | None = None
+        self.subscribe(JointState, "joint_states", self._take_joints, event_callbacks=events)
         if task:
             self._offered = self.create_publisher(SceneMessage, "scene", LATCHED)
             scene = load_scene(task, seed)
@@ -165,6 +176,10 @@ class Perception(HmapNode):
 
     # the sensors
 
+    def _take_best_effort(self, _) -> None:
+        if self._best_effort is None:
+            self._best_effort = self.subscribe(JointState, "joint_states", self._take_joints, qos_profile_sensor_data)
+
     def _take_joints(self, message: JointState) -> None:
         if self._watched is None:
             return
@@ -177,8 +192,13 @@ class Perception(HmapNode):
         self.problems.update(("joint_states", *message.name), problems, "joint_states")
 
     def _take_pose(self, fusion: Fusion, name: str, message: PoseStamped) -> None:
-        frame(f"the pose of {name!r}", message.header.frame_id, self._frames)
         pose = pose_from_message(message.pose, f"the pose of {name!r}")
+        if message.header.frame_id.removeprefix("/") not in self._frames:
+            T_world_frame = self._tf.to_world(message.header.frame_id, sorted(self._frames))
+            if T_world_frame is None:  # nor does tf know it
+                frame(f"the pose of {name!r}", message.header.frame_id, self._frames)
+            else:
+                pose = multiply(T_world_frame, pose)
         fusion.add_pose(seconds_from_message(message.header.stamp), name, pose)
 
     def _take_picture(self, watched: Watched, parts: PictureParts, part: str, message: Any) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from hmap.perception.jumps import JumpFilter
 from hmap.perception.pose_filter import POSE_NOISE, WINDOW, filtered
 from hmap_core.exceptions import Code, InputError
 from hmap_core.types import BodyKind, Scene, SceneState
@@ -41,6 +42,8 @@ class Fusion:
         self._joints: dict[str, Latest[tuple[float, float]]] = {  # name -> position, velocity
             name: Latest(f"the state of joint {name!r}", self._clock) for name in joints
         }
+        self._jumps: dict[str, JumpFilter] = {}
+        self._restarts = self._clock.restarts
         self._poses: dict[str, Latest[np.ndarray]] = {
             name: Latest(f"the pose of {name!r}", self._clock, POSES_KEPT)
             for name, body in scene.bodies.items()
@@ -95,12 +98,22 @@ class Fusion:
         Raises:
             PoseError: the pose is not finite, or its quaternion is not normalised.
             StampError: the stamp cannot be right.
+            InputError: STALE_STATE; the pose has jumped, see :mod:`hmap.perception.jumps`.
         """
         T = poses(f"the pose of {body!r}", [pose], 1)[0]
         T = np.concatenate([T[:3], T[3:] / np.linalg.norm(T[3:])])  # float32 senders are off by 1e-7
+        self._clock.check(f"the pose of {body!r}", time)
         with self._lock:
-            if body in self._poses:  # it may have left the scene
-                self._poses[body].add(time, T)
+            if body not in self._poses:  # it has left the scene
+                return
+            if self._restarts != self._clock.restarts:  # what was measured before is dropped
+                self._restarts, self._jumps = self._clock.restarts, {}
+            jumps = self._jumps.setdefault(body, JumpFilter())
+            used = jumps.accept(body, time, T)
+            if used:
+                self._poses[body].add_checked(time, T)
+        if not used and jumps.doubt is not None:
+            raise InputError(jumps.doubt.text, Code.STALE_STATE)
 
     def pose_at(self, body: str, time: float) -> np.ndarray | None:
         """T_world_body (7,) from the measurement nearest to a time (s); None before the first measurement."""
@@ -114,7 +127,7 @@ class Fusion:
             Time of the oldest measurement used (s), the state of the scene, and robot -> joint velocities (n,).
 
         Raises:
-            InputError: STALE_STATE; a joint or body has not been measured yet.
+            InputError: STALE_STATE; a joint or body has not been measured yet, or has just jumped.
         """
         time, _, state, velocities = self._combined()
         return time, state, velocities
@@ -132,8 +145,11 @@ class Fusion:
         with self._lock:
             joints = {name: keeper.newest() for name, keeper in self._joints.items()}
             tracked = {name: keeper.newest() for name, keeper in self._poses.items()}
+            doubts = [jumps.doubt.text for jumps in self._jumps.values() if jumps.doubt is not None]
             recent = {name: keeper.within(WINDOW) for name, keeper in self._poses.items()}
         missing = [name for measured in (joints, tracked) for name, entry in measured.items() if entry is None]
+        if doubts:
+            raise InputError("; ".join(doubts), Code.STALE_STATE)
         if missing:
             raise InputError(f"not measured yet: {', '.join(missing)}", Code.STALE_STATE)
         times = [(entry[0], f"joint {name!r}") for name, entry in joints.items() if entry is not None]
