@@ -90,8 +90,9 @@ def test_an_obstacle_that_cannot_be_moved_is_named(tmp_path):
     seen = []
     with pytest.raises(PlannerError, match="'slab' is in the way of 'brick' and cannot be removed: .*slab") as error:
         plan(heavy_slab(tmp_path, motion="auto"), seed=1, time_limit=TIME_LIMIT, progress=seen.append)
-    assert (error.value.stage, error.value.code) == ("planner", Code.NO_OBJECT_PATH)
-    assert "path of 'slab' out of the way of 'brick'" in [p.text for p in seen]
+    assert (error.value.stage, error.value.code) == ("planner", Code.NO_CONTACT)
+    assert "'slab', which is 80 mm wide" in error.value.reason and "opens 78 mm" in error.value.reason
+    assert "path of 'slab' out of the way of 'brick'" not in [p.text for p in seen]  # known before any search
 
 
 def test_a_body_that_may_not_be_moved_keeps_what_carries_it(tmp_path):

@@ -23,6 +23,8 @@ TOUCHING = 0.001  # m between a body and its support, which the judge of plans a
 KEPT = 0.0005, float(np.deg2rad(0.1))  # m and rad of the tolerance that motions may need
 DIRECTIONS = 16  # in which a pose beside the goal is looked for
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the position tolerance, by how much beside it
+# m; the planner asks for more room to the edge of a support than the judge of plans
+ASIDE = 0.005 * np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
 LEVEL = 1e-9  # rad of tilt that is none
 
 
@@ -54,6 +56,17 @@ def attainable_goal(scene: Scene, state: SceneState, goal: Goal) -> tuple[Goal, 
         f"({x:.1f}, {y:.1f}, {z:.1f}) mm and {np.degrees(turned):.1f} deg away"
     )
     return replace(goal, pose=found, position_tolerance=left[0], rotation_tolerance=left[1]), (note,)
+
+
+def stands_there(scene: Scene, state: SceneState, object: str, T: np.ndarray) -> bool:
+    """Whether an object stays by itself at a pose T (7,), or ASIDE beside it, with what is removable or without."""
+    around = placed_bodies(scene, state, object)
+    for others in (around, [body for body in around if body.name not in scene.removable]):
+        places = _Places(scene.bodies[object], others)
+        beside = (np.concatenate([T[:3] + offset, T[3:]]) for offset in ASIDE)
+        if any(places.stands(other) for other in (T, *beside)):
+            return True
+    return False
 
 
 class _Places:

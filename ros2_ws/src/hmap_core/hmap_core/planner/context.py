@@ -28,12 +28,14 @@ class Record:
         reason, code: of the last failure.
         error: the last failure itself, if it was an error.
         counts: statistics of the plan.
+        contact_searches: how often contacts were searched, with or without success.
     """
 
     tree: SearchTree
     reason: str = "nothing was tried yet"
     code: Code = Code.NO_MOTION
     error: HmapError | None = None
+    contact_searches: int = 0
     counts: dict[str, int] = field(
         default_factory=lambda: {"waypoint_plans": 0, "contact_proposals": 0, "contact_tries": 0}
     )

@@ -9,7 +9,7 @@ import numpy as np
 from hmap_core.collision.convex import from_hulls, set_distance
 from hmap_core.contacts.feasibility import reach_bounds, stretches
 from hmap_core.contacts.grip_width import grip_problem
-from hmap_core.contacts.push_path import first_pushes
+from hmap_core.contacts.push_path import final_pushes, first_pushes
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.segment import free_opening, retreated
@@ -60,13 +60,34 @@ def hand_fits(scene: Scene, state: SceneState, object: str, seed: int = 0) -> bo
     pushed = first_pushes(scene.bodies[object], state.poses[object], PUSHED_STEPS)
     ways = [way for way in pushed if not overlapped(scene, state, object, way[-1])]
     rng = np.random.default_rng(seed)
-    for poses in ways or [state.poses[object][None]]:  # grasps are among the contacts for each push
-        for robot in scene.robots:
-            manipulation, _ = cleared(scene, state, object, robot)
-            query = ContactQuery(scene, state, object, poses, robot, rng)
-            for batch in chain(SampledContacts().propose(query), SampledPresses().propose(query)):
-                if len(batch.contacts) and (reach_bounds(manipulation, batch.contacts, poses) >= 0).any():
-                    return True
+    # grasps are among the contacts for each push
+    return any(_serves(scene, state, object, way, 0, rng) for way in ways or [state.poses[object][None]])
+
+
+def hand_fits_at_goal(scene: Scene, state: SceneState, object: str, T: np.ndarray, seed: int = 0) -> bool:
+    """Whether a hand alone can release an object at a pose T (7,), or push or drag it there over the last centimetres.
+
+    As :func:`hand_fits`.
+    """
+    pushed = final_pushes(scene.bodies[object], T, PUSHED_STEPS)
+    ways = [way for way in pushed if not overlapped(scene, state, object, way[0])]
+    rng = np.random.default_rng(seed)
+    there = state.copy()
+    for way in [T[None], *ways]:  # grasps that come from above are among the contacts for the pose alone
+        there.poses[object] = way[0]
+        if _serves(scene, there, object, way, len(way) - 1, rng):
+            return True
+    return False
+
+
+def _serves(scene: Scene, state: SceneState, object: str, poses: np.ndarray, least: int, rng) -> bool:
+    """Whether a hand alone can make a contact that serves as far as a pose, by its number, of the object's (M, 7)."""
+    for robot in scene.robots:
+        manipulation, _ = cleared(scene, state, object, robot)
+        query = ContactQuery(scene, state, object, poses, robot, rng)
+        for batch in chain(SampledContacts().propose(query), SampledPresses().propose(query)):
+            if len(batch.contacts) and (reach_bounds(manipulation, batch.contacts, poses) >= least).any():
+                return True
     return False
 
 

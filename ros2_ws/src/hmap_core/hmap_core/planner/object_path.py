@@ -8,6 +8,7 @@ import numpy as np
 from hmap_core.collision.convex import convex_set, set_distance
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.shapes import body_set, box_round
+from hmap_core.planner.loads import has_to_be_lifted
 from hmap_core.planner.protocols import ObjectPathQuery
 from hmap_core.planner.surroundings import PHYSICAL_MIN_DISTANCE, placed_bodies
 from hmap_core.planner.tilt import SAME_TILT, keeps_tilt, tilt_and_yaw
@@ -39,6 +40,7 @@ class BidirectionalSearch:
             NoObjectPath: there is no path.
             InputError: start or goal is invalid.
         """
+        _check_planar(query)
         budget = SearchBudget(query.time_limit)
         problem = object_path_problem(query)
         rng = np.random.default_rng(query.seed)
@@ -51,6 +53,21 @@ class BidirectionalSearch:
             return self._search(problem, rng, max(budget.seconds, 0.0), query.max_checks)
         except NoObjectPath:  # the boxes are larger than the links inside them
             return path
+
+
+def _check_planar(query: ObjectPathQuery) -> None:
+    """Raises NoObjectPath for planar motion to a goal at another height or tilt, beyond the goal's tolerances."""
+    start, goal = query.state.poses[query.goal.object], query.goal
+    if query.scene.motion != "planar" or not has_to_be_lifted(start, goal):
+        return
+    rise, tilt = 1e3 * (goal.pose[2] - start[2]), np.degrees(tilt_and_yaw(start, goal.pose)[0])
+    raise NoObjectPath(
+        f"no planar path of '{goal.object}' to its goal: planar motion keeps height and tilt, and the goal is "
+        f"{rise:+.1f} mm higher and tilted by {tilt:.1f} deg; with `motion: auto` the object may be lifted",
+        (),
+        None,
+        proven=True,
+    )
 
 
 def object_path_problem(query: ObjectPathQuery) -> ObjectPathProblem:

@@ -10,12 +10,13 @@ import numpy as np
 from hmap_core.exceptions import Code, HmapError, PlannerError
 from hmap_core.planner.context import SearchContext
 from hmap_core.planner.diagnosis import hand_fits
+from hmap_core.planner.immovable import why_immovable
 from hmap_core.planner.obstruction import carried_by
 from hmap_core.planner.outcome import Failure, Outcome
 from hmap_core.planner.placements import given_place, placements_of
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal, removable_for
 from hmap_core.planner.sweep import Sweep
-from hmap_core.planner.tools import tools_of
+from hmap_core.planner.tools import tools_of, with_tool_placed
 from hmap_core.types import Goal, Scene, SceneState, TaskMode
 
 PLACES = 10  # for one obstacle to which one contact has to carry it
@@ -260,7 +261,16 @@ class _Tries:
             if not isinstance(outcome, Failure):
                 return outcome.sequence
             self._failed(outcome, T)
+            if outcome.code == Code.NO_CONTACT and self._without_contact == 1:
+                self._check_immovable(subgoal.goal.object)
         return None
+
+    def _check_immovable(self, name: str) -> None:
+        """Raises RemovalError if nothing can move a body from where it is, whatever its place."""
+        sequence = self._sequence
+        why = why_immovable(self._search.context.scene, with_tool_placed(sequence.state, sequence.tool_grasp), name)
+        if why:
+            raise RemovalError(why, Code.NO_CONTACT)
 
     def _failed(self, failure: Failure, T: np.ndarray) -> None:
         self.failure = failure.error

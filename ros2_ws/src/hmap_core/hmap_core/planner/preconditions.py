@@ -11,7 +11,7 @@ from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.allowances import OVERLAP_ALLOWED
 from hmap_core.komo.shapes import body_set
 from hmap_core.komo.surroundings import robot_set
-from hmap_core.planner.attainable_goal import TOUCHING, attainable_goal
+from hmap_core.planner.attainable_goal import TOUCHING, attainable_goal, stands_there
 from hmap_core.planner.loads import changes_height, no_robot_moves, tilts
 from hmap_core.planner.obstruction import carried_by, stacked_on
 from hmap_core.planner.segments import standing_collision
@@ -90,6 +90,13 @@ def check_goal_support(scene: Scene, state: SceneState, goal: Goal) -> None:
         near = _distances(scene, state, _robot_sets(scene, state), goal.object, there.pose)
         what = f"'{goal.object}' would have no support at its goal (goal.pose)"
         _check_hanging(near, what, TOUCHING, Code.INVALID_POSE)
+        if not stands_there(scene, state, goal.object, there.pose):
+            raise InputError(
+                f"'{goal.object}' would not stay at its goal (goal.pose) by itself: it stands on no face there with "
+                f"its centre of mass over {near[0][1]}, and nothing keeps it from tipping, sliding or rolling. "
+                "Move the goal, turn it, or add a body that keeps it there",
+                Code.INVALID_POSE,
+            )
         _check_stack(scene, state, Goal(goal.object, there.pose))
 
 

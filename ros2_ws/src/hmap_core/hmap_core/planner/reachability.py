@@ -3,17 +3,24 @@
 import numpy as np
 
 from hmap_core.contacts.grip_width import grip_problem
-from hmap_core.contacts.push_path import final_pushes
+from hmap_core.contacts.push_path import final_pushes, first_pushes
 from hmap_core.exceptions import Code, ContactError
 from hmap_core.planner.context import SearchContext
-from hmap_core.planner.diagnosis import hand_fits, why_no_contact, why_not_moved
-from hmap_core.planner.goals import about_vertical
+from hmap_core.planner.diagnosis import (
+    PUSHED_STEPS,
+    hand_fits,
+    hand_fits_at_goal,
+    overlapped,
+    why_no_contact,
+    why_not_moved,
+)
+from hmap_core.planner.goals import about_vertical, goal_of_round
 from hmap_core.planner.obstruction import without
 from hmap_core.planner.protocols import ContactSearchQuery
 from hmap_core.planner.sampled_presses import press_finder
 from hmap_core.planner.tasks import PathTask
 from hmap_core.planner.tilt import SAME_TILT, keeps_tilt, never_tilts, tilt_and_yaw
-from hmap_core.planner.tools import attach_tool, tools_of, with_tool_placed
+from hmap_core.planner.tools import attach_tool, extent, tools_of, with_tool_placed
 from hmap_core.types import Goal, Scene, SceneState, TaskMode
 
 GOAL_POSES = 4  # last poses of the object's path at which the goal has to be within reach
@@ -74,7 +81,7 @@ def check_tilt(context: SearchContext, goal: Goal) -> None:
 def check_start(context: SearchContext, task: PathTask) -> None:
     """Check whether a hand fits on the task's object where it starts, once no contact was found along a path.
 
-    By the hands alone, whatever is removable being gone. Scenes with tools are not checked.
+    By the hands alone, whatever is removable being gone; in scenes with tools, by those as well.
 
     Raises:
         ContactError: NO_CONTACT; no hand fits, for a grasp, for a push on any side, or for a press.
@@ -84,14 +91,53 @@ def check_start(context: SearchContext, task: PathTask) -> None:
         return
     bare = without(scene, scene.removable.keys() - {object})
     start = with_tool_placed(context.start, context.start_grasp)
-    if tools_of(bare, object) or hand_fits(bare, start, object):
+    if hand_fits(bare, start, object) or _tool_moves(context, bare, start, object):
         return
     place = ", ".join(f"{v:.3f}" for v in start.poses[object][:3])
     obstacles = [name for name in scene.removable if name != object]
     even = f", even without {', '.join(repr(name) for name in obstacles)}" if obstacles else ""
     ungrippable = filter(None, (grip_problem(scene, name, scene.robots) for name in obstacles))
-    reasons = "; ".join((why_not_moved(bare, start, object), *ungrippable))
+    reasons = "; ".join((why_not_moved(bare, start, object), *_too_short(bare, object), *ungrippable))
     raise ContactError(f"no contact can move '{object}' from its start at ({place}){even}: {reasons}", Code.NO_CONTACT)
+
+
+def check_hand_at_goal(context: SearchContext, task: PathTask) -> None:
+    """Check whether a hand fits on the task's object at its goal, by the hands alone, whatever is removable being gone.
+
+    Scenes with tools are not checked.
+
+    Raises:
+        ContactError: OUT_OF_REACH; no hand can release the object there, nor push or drag it there.
+    """
+    goal, scene = task.subgoal.goal, context.scene
+    if task.subgoal.depth > 0 or scene.mode == TaskMode.KINEMATIC or tools_of(scene, goal.object):
+        return
+    bare = without(scene, scene.removable.keys() - {goal.object})
+    pose = goal_of_round(context, task, context.start).pose
+    if hand_fits_at_goal(bare, context.start, goal.object, pose):
+        return
+    place = ", ".join(f"{v:.3f}" for v in pose[:3])
+    raise ContactError(
+        f"the goal of '{goal.object}' at ({place}) is out of reach of {', '.join(scene.robots)}: no hand fits on it "
+        f"there, to release it or to push it: {why_no_contact(bare, context.start, goal.object, pose)}; "
+        "move the goal, leave more room for the hand there, or add a tool",
+        Code.OUT_OF_REACH,
+    )
+
+
+def _tool_moves(context: SearchContext, scene: Scene, state: SceneState, object: str) -> bool:
+    """Whether some tool in some hand could begin to push or pull an object on one of its sides."""
+    if not tools_of(scene, object):
+        return False
+    ways = first_pushes(scene.bodies[object], state.poses[object], PUSHED_STEPS)
+    ways = [way for way in ways if not overlapped(scene, state, object, way[-1])]
+    return any(_tool_reaches(context, scene, state, object, way) for way in ways or [state.poses[object][None]])
+
+
+def _too_short(scene: Scene, object: str) -> list[str]:
+    """What is said of tools with which an object cannot be moved."""
+    lengths = [f"'{name}' ({2e3 * extent(scene, name):.0f} mm across)" for name in tools_of(scene, object)]
+    return [f"no tool reaches it either: {', '.join(lengths)}; a longer or thinner tool may"] if lengths else []
 
 
 def _ways_in(context: SearchContext, object: str, last_poses: np.ndarray) -> list[np.ndarray]:

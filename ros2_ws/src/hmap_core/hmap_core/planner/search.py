@@ -5,7 +5,7 @@ waypoints are not fixed in advance: a contact serves as far along the object's p
 the next waypoint is where it ends.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -82,10 +82,12 @@ class Search:
             f"no plan after {ROUNDS} object paths of '{goal.object}'; last: {record.reason}", record.code
         )
 
-    def bring(self, subgoal: Subgoal, sequence: SolutionSequence) -> Outcome:
+    def bring(
+        self, subgoal: Subgoal, sequence: SolutionSequence, rounds: Iterable[int] = range(REMOVAL_ROUNDS)
+    ) -> Outcome:
         """The outer loop for an obstacle, or for a part of a plan: object paths until one is solved."""
         self.context.record.forget()
-        for number in range(REMOVAL_ROUNDS):
+        for number in rounds:
             outcome = self.round(subgoal, sequence, number)
             if isinstance(outcome, Solution) or outcome.ends_round:
                 return outcome

@@ -56,6 +56,7 @@ def find_contacts(task: WaypointTask, manipulator: Manipulator, count: int) -> l
     query = context.contact_search(
         manipulator.scene, manipulator.state, object, task.ahead, manipulator.robots, count, cloud
     )
+    context.record.contact_searches += 1
     with context.record.tree.attempt(f"contacts on {who}") as node:
         try:
             found = context.components.contacts.find_contacts(query)

@@ -47,6 +47,7 @@ class PathTask:
         ready: the sequence once obstacles were removed from that path; None: they could not be, or there is no path.
         reached: what was done on the last path that could not be followed to its end.
         hands: contacts that serve at the start and at the goal, as far as they were found.
+        relay: whether robots grasp the object, and none of them reaches one grasp at both ends.
     """
 
     subgoal: Subgoal
@@ -58,6 +59,7 @@ class PathTask:
     ready: SolutionSequence | None = None
     reached: SolutionSequence | None = None
     hands: list[EndGrasp] = field(default_factory=list)
+    relay: bool = False
 
     @property
     def object(self) -> str:
@@ -68,6 +70,11 @@ class PathTask:
     def may_change_contacts(self) -> bool:
         """Whether the task is physical, and several contacts may be used."""
         return not self.subgoal.whole and not self.kinematic
+
+    @property
+    def may_slide(self) -> bool:
+        """Whether the object may be pushed and dragged, and no other robot has to take it over anyway."""
+        return self.may_change_contacts and not self.relay
 
     def require_ready(self) -> SolutionSequence:
         """The sequence once obstacles were removed from the last path.

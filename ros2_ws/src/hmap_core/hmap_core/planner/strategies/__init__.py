@@ -5,6 +5,7 @@ from hmap_core.planner.strategies.attached_tool import AttachedToolStrategy
 from hmap_core.planner.strategies.by_hand import ByHand, ByHandToTheEnd, ByHandWhereverItReaches
 from hmap_core.planner.strategies.carry_heavy import CarryHeavy
 from hmap_core.planner.strategies.carry_together import CarryTogether
+from hmap_core.planner.strategies.ends_check import EndsCheck
 from hmap_core.planner.strategies.goal_check import GoalCheck
 from hmap_core.planner.strategies.hand_over import HandOver
 from hmap_core.planner.strategies.manipulation_graph import ManipulationGraphStrategy
@@ -16,7 +17,6 @@ from hmap_core.planner.strategies.pushed_on import PushedOn
 from hmap_core.planner.strategies.pushed_paths import PushedPaths
 from hmap_core.planner.strategies.remove_obstacles import RemoveObstacles
 from hmap_core.planner.strategies.slide_first import SlideFirst
-from hmap_core.planner.strategies.start_check import StartCheck
 
 # for a path of the object, one round of the outer loop
 PATH_STRATEGIES = (
@@ -25,11 +25,12 @@ PATH_STRATEGIES = (
     AttachedPathStrategy(),
     GoalCheck(),
     PickAndPlace(),
+    HandOver(first=True),
     SlideFirst(),
     PushedPaths(),
     PushedOn(),
     PressedPath(),
-    StartCheck(),  # what follows begins with a grasp, a push or a press
+    EndsCheck(),  # what follows begins with a grasp, a push or a press
     CarryTogether(),
     ManipulationGraphStrategy(),
     HandOver(),

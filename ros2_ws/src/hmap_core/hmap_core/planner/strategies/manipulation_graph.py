@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from hmap_core.exceptions import Code, PlannerError
 from hmap_core.planner.attached_path import attached_paths
 from hmap_core.planner.goals import goal_of_round, path_scene
-from hmap_core.planner.manipulation_graph.graph import ManipulationGraph
+from hmap_core.planner.manipulation_graph.graph import Edge, ManipulationGraph
 from hmap_core.planner.manipulation_graph.grasp_sets import grasp_sets
 from hmap_core.planner.manipulation_graph.placements import Placement, carried_between, intermediate_placements
 from hmap_core.planner.obstacle_removal import RemovalError
@@ -16,7 +16,7 @@ from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
 from hmap_core.planner.strategies.remove_obstacles import clear_path
 from hmap_core.planner.tasks import PathTask
 from hmap_core.planner.tools import with_tool_placed
-from hmap_core.types import ContactPoint, Goal
+from hmap_core.types import Goal
 
 if TYPE_CHECKING:
     from hmap_core.planner.search import Search
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 EDGES_PLANNED = 16  # in one round
 # failed edges over which the object is pushed, each a search of its own, after which the graph is given up
 SLIDES_FAILED, SLIDES_TO_GOAL_FAILED = 6, 3
+# searches for contacts on the edges of one graph, after which it is given up; each takes 0.05 to 0.3 s if it fails
+CONTACT_SEARCHES = 40
 ROUNDS = 2  # of the outer loop in which a graph is searched
 _REASONS = ("to an intermediate placement", "to its goal")
 
@@ -44,9 +46,11 @@ class ManipulationGraphStrategy:
             return record.last_failure()
         graph, goal = self._graph(search, task)
         slides = {False: 0, True: 0}  # failed ones to other placements, and to the goal
+        before = record.contact_searches
         for _ in range(EDGES_PLANNED):
             context.time_left()
             ended = sum(slides.values()) >= SLIDES_FAILED or slides[True] >= SLIDES_TO_GOAL_FAILED
+            ended |= record.contact_searches - before >= CONTACT_SEARCHES
             if ended:
                 search.given_up.add(self.name)
             way = None if ended else graph.cheapest()
@@ -60,7 +64,7 @@ class ManipulationGraphStrategy:
             contact = "slide" if edge.sliding else "grasp"
             where = "its goal" if final else "({:.3f}, {:.3f}, {:.3f})".format(*graph.nodes[b].pose[:3])
             with record.tree.attempt(f"placement {a} to {b} at {where}: {contact}") as node:
-                outcome = self._plan(search, subgoal, graph.reached[a], [] if edge.sliding else edge.hands)
+                outcome = self._plan(search, subgoal, graph.reached[a], edge)
                 node.close(outcome)
             if isinstance(outcome, Failure):
                 if isinstance(outcome.error, RemovalError):
@@ -91,13 +95,11 @@ class ManipulationGraphStrategy:
             [start, end, *placements], grasps, task.sequence, rng, carried, context.time_left
         ), goal
 
-    def _plan(
-        self, search: "Search", subgoal: Subgoal, sequence: SolutionSequence, hands: list[tuple[str, ContactPoint]]
-    ) -> Outcome:
-        """Plan one edge: with a hand attached, or by H-MaP's own loop."""
-        context = search.context
-        if not hands:
-            return search.bring(subgoal, sequence)
+    def _plan(self, search: "Search", subgoal: Subgoal, sequence: SolutionSequence, edge: Edge) -> Outcome:
+        """Plan one edge: with a hand attached, or by one round of H-MaP's own loop, another one at each try."""
+        context, hands = search.context, edge.hands
+        if edge.sliding:
+            return search.bring(subgoal, sequence, (edge.tries,))
         context.record.forget()
         state = with_tool_placed(sequence.state, sequence.tool_grasp)
         scene = replace(context.scene, motion="spatial")

@@ -1,13 +1,18 @@
 """H-MaP's own order: the path of the object alone, then contacts and motions along it."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hmap_core.contacts.grip_width import grip_problem
 from hmap_core.contacts.grippable import grippable
 from hmap_core.contacts.hand import hand_of
+from hmap_core.exceptions import Code
 from hmap_core.planner.context import SearchContext
 from hmap_core.planner.goals import goal_of_round, path_scene
+from hmap_core.planner.immovable import immovable_obstacle
+from hmap_core.planner.obstacle_removal import StuckError
 from hmap_core.planner.obstruction import without
 from hmap_core.planner.outcome import Failure, Outcome, Solution
 from hmap_core.planner.protocols import ObjectPathQuery
@@ -70,6 +75,11 @@ class ObjectPathStrategy:
         what = f", with {', '.join(blockers)} in the way" if blockers else ""
         with search.context.record.tree.attempt(f"path of {len(task.poses)} poses{what}"):
             task.ready = None
+            wide = [name for name in blockers if grip_problem(search.context.scene, name, search.context.scene.robots)]
+            if wide and task.number == 0 and task.subgoal.depth == 0:
+                stuck = _immovable(search, task, wide)
+                if stuck is not None:
+                    return Failure.of(stuck, ends_round=True)
             cleared = clear_path(search, task.subgoal, task.sequence, task.poses, blockers)
             if isinstance(cleared, Failure):
                 return self._unless_stuck(search, task, blockers, cleared)
@@ -77,17 +87,29 @@ class ObjectPathStrategy:
             return search.follow(task.subgoal, cleared.sequence, task.poses, cleared.known)
 
     def _unless_stuck(self, search: "Search", task: PathTask, blockers: tuple[str, ...], failure: Failure) -> Failure:
-        """The failure of a path with obstacles on it; that of the obstacles if nothing can move them."""
-        looks = task.number == STUCK_ROUND and task.subgoal.depth == 0 and task.sequence.tool_grasp is None
+        """The failure of a path with obstacles on it; that of the obstacles if nothing can move them.
+
+        In the first round only what is known by weight, and by the hand alone.
+        """
+        looks = task.number <= STUCK_ROUND and task.subgoal.depth == 0 and task.sequence.tool_grasp is None
         if not (blockers and looks) or failure.ends_round:
             return failure
         with search.context.record.tree.attempt(f"whether {', '.join(blockers)} can be moved") as node:
-            stuck = why_stuck(search, task, blockers)
+            stuck = (why_stuck if task.number == STUCK_ROUND else _immovable)(search, task, blockers)
             if stuck is None:
                 node.succeed()
                 return failure
             node.fail(stuck.stage, stuck.code, stuck.reason)
         return Failure.of(stuck, ends_round=True)
+
+
+def _immovable(search: "Search", task: PathTask, blockers: Sequence[str]) -> StuckError | None:
+    found = immovable_obstacle(search.context, task, blockers)
+    if found is None:
+        return None
+    name, why = found
+    reason = f"'{name}' is in the way of '{task.object}' and cannot be removed: nothing can move '{name}': {why}"
+    return StuckError(reason, Code.NO_CONTACT)
 
 
 def _plan(context: SearchContext, task: PathTask) -> tuple[np.ndarray, tuple[str, ...]]:

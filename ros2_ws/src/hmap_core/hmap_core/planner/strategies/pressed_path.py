@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hmap_core.planner.goals import goal_of_round, path_scene
+from hmap_core.planner.loads import tilts
 from hmap_core.planner.outcome import Outcome, Solution
 from hmap_core.planner.protocols import ObjectPathQuery
 from hmap_core.planner.sampled_presses import press_of
@@ -31,7 +32,7 @@ class PressedPath:
 
     def applies(self, task: PathTask) -> bool:
         """Whether the task is physical and several contacts may be used."""
-        return task.may_change_contacts and task.subgoal.attached_path is None
+        return task.may_slide and task.subgoal.attached_path is None
 
     def solve(self, search: "Search", task: PathTask) -> Outcome:
         """Plan a path on the support and follow it with presses, if friction allows them."""
@@ -40,7 +41,7 @@ class PressedPath:
         goal = goal_of_round(context, task, state)
         start, scene = state.poses[task.object], context.scene
         ends = np.array([start, goal.pose])
-        level = float(np.ptp(ends[:, 2])) < LEVEL
+        level = float(np.ptp(ends[:, 2])) < LEVEL and not tilts(start, goal)
         if not level or not any(press_of(scene, state, task.object, name, ends).possible for name in scene.robots):
             return context.record.last_failure()
         pressed = replace(task.subgoal, pressed=True)

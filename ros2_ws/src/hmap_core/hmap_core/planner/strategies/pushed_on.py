@@ -28,7 +28,7 @@ class PushedOn:
 
     def applies(self, task: PathTask) -> bool:
         """Whether pushes have brought the object on, and several contacts may be used."""
-        return task.reached is not None and task.may_change_contacts
+        return task.reached is not None and task.may_slide
 
     def solve(self, search: "Search", task: PathTask) -> Outcome:
         """Push on from place to place, as long as the object comes on; only what no hand grips."""

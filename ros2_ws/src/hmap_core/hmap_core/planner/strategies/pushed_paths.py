@@ -33,7 +33,7 @@ class PushedPaths:
 
     def applies(self, task: PathTask) -> bool:
         """Whether the task is physical, there is a free path, and several contacts may be used along it."""
-        return task.ready is not None and task.may_change_contacts
+        return task.ready is not None and task.may_slide
 
     def solve(self, search: "Search", task: PathTask) -> Outcome:
         """Follow up to VARIANTS different paths of pushes."""

@@ -19,7 +19,7 @@ class SlideFirst:
 
     def applies(self, task: PathTask) -> bool:
         """Whether the task is physical, there is a free path, and several contacts may be used along it."""
-        return task.ready is not None and task.may_change_contacts
+        return task.ready is not None and task.may_slide
 
     def solve(self, search: "Search", task: PathTask) -> Outcome:
         """Follow the last object path with its head on the support."""

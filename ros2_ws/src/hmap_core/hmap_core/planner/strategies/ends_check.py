@@ -1,4 +1,4 @@
-"""Whether a hand fits on the object where it starts: asked once the cheap strategies have found no contact."""
+"""Whether a hand fits on the object where it starts, and at its goal: asked once the cheap strategies have failed."""
 
 from typing import TYPE_CHECKING
 
@@ -10,10 +10,10 @@ if TYPE_CHECKING:
     from hmap_core.planner.search import Search
 
 
-class StartCheck:
-    """Ends the job if no hand fits on the object where it starts, since each further strategy begins with a contact."""
+class EndsCheck:
+    """Ends the job if no hand fits on the object at one end, since each further strategy has a contact at both."""
 
-    name = "whether a hand fits at the start"
+    name = "whether a hand fits at the start and at the goal"
 
     def applies(self, task: PathTask) -> bool:
         """Whether it is the first round of the task's own object, in a physical task."""
@@ -23,7 +23,9 @@ class StartCheck:
         """Check; nothing is solved by that.
 
         Raises:
-            ContactError: NO_CONTACT; no hand fits.
+            ContactError: NO_CONTACT; no hand fits at the start. OUT_OF_REACH; none fits at the goal.
         """
+        failure = search.context.record.last_failure()
         reachability.check_start(search.context, task)
-        return search.context.record.last_failure()
+        reachability.check_hand_at_goal(search.context, task)
+        return failure
