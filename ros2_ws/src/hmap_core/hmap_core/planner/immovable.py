@@ -41,7 +41,7 @@ def why_immovable(scene: Scene, state: SceneState, name: str) -> str:
     return "" if hand_fits(bare, state, name) else why_not_moved(bare, state, name)
 
 
-def immovable_obstacle(context: SearchContext, task: PathTask, blockers: Sequence[str]) -> tuple[str, str] | None:
+def first_immovable(context: SearchContext, task: PathTask, blockers: Sequence[str]) -> tuple[str, str] | None:
     """The first of some bodies on an object's path that nothing can move, though there is no path round it; and why.
 
     Args:

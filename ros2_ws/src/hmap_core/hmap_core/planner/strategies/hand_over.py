@@ -29,9 +29,10 @@ class HandOver:
         first: whether it comes before slower strategies: with few meetings, if no robot has a grasp at both ends.
     """
 
+    name = "hand-over"
+
     def __init__(self, first: bool = False):
         self._first = first
-        self.name = "hand-over, as no robot reaches both ends" if first else "hand-over"
 
     def applies(self, task: PathTask) -> bool:
         """Whether the task is physical, about the task's own object, and several contacts may be used."""

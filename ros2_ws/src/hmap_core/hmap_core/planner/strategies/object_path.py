@@ -11,7 +11,7 @@ from hmap_core.contacts.hand import hand_of
 from hmap_core.exceptions import Code
 from hmap_core.planner.context import SearchContext
 from hmap_core.planner.goals import goal_of_round, path_scene
-from hmap_core.planner.immovable import immovable_obstacle
+from hmap_core.planner.immovable import first_immovable
 from hmap_core.planner.obstacle_removal import StuckError
 from hmap_core.planner.obstruction import without
 from hmap_core.planner.outcome import Failure, Outcome, Solution
@@ -104,7 +104,7 @@ class ObjectPathStrategy:
 
 
 def _immovable(search: "Search", task: PathTask, blockers: Sequence[str]) -> StuckError | None:
-    found = immovable_obstacle(search.context, task, blockers)
+    found = first_immovable(search.context, task, blockers)
     if found is None:
         return None
     name, why = found
