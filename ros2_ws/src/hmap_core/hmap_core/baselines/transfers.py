@@ -7,6 +7,7 @@ optimization, 2017), in the modes of their skeleton. The paths of the objects ar
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from hmap_core.planner.interfaces import RobotContact, SubTrajectory
 from hmap_core.planner.segments.contact_segment import ContactSegment
 from hmap_core.planner.segments.motion_sequence import MotionSequence
 from hmap_core.planner.segments.transits import path_options
+from hmap_core.transforms import interpolate
 from hmap_core.types import ContactPoint, Scene, SceneState
 
 TRANSIT_STEPS = 12  # of the motion to the pre-contact pose
@@ -55,13 +57,21 @@ class Transfer:
         return len(self.through) + 1
 
     @property
+    def hold(self) -> tuple[int, ...]:
+        """Steps of each phase of the hold."""
+        return (max(LEG_STEPS, HOLD_STEPS // self.legs),) * self.legs
+
+    @property
     def steps(self) -> tuple[int, ...]:
         """Steps of each phase."""
-        hold = [max(LEG_STEPS, HOLD_STEPS // self.legs)] * self.legs
-        return (TRANSIT_STEPS, APPROACH_STEPS, *hold, APPROACH_STEPS)
+        return (TRANSIT_STEPS, APPROACH_STEPS, *self.hold, APPROACH_STEPS)
 
-    def skeleton(self) -> Skeleton:
-        """The modes, and the poses that are given."""
+    def skeleton(self, straight: bool = False) -> Skeleton:
+        """The modes, and the poses that are given.
+
+        Args:
+            straight: the object goes straight from one pose to the next, too.
+        """
         first = Phase.APPROACH.end
         last = first + self.legs
         entries = [
@@ -71,12 +81,21 @@ class Transfer:
         if self.slides_on is not None:
             entries.append(SkeletonEntry(first, last, Symbol.ABOVE, (self.object, self.slides_on)))
         poses = [*self.through, self.T_end]
-        entries += [
-            SkeletonEntry(first + k, first + k, Symbol.POSE_EQ, (self.object,), T) for k, T in enumerate(poses, 1)
-        ]
+        if straight:
+            ends = zip([self.T_start, *poses], poses, self.hold, strict=False)
+            line = [interpolate(a, b, shares(steps)) for a, b, steps in ends]
+            entries.append(SkeletonEntry(first, last, Symbol.POSE_EQ, (self.object,), np.concatenate(line)))
+        else:
+            at = range(first + 1, last + 1)
+            entries += [SkeletonEntry(t, t, Symbol.POSE_EQ, (self.object,), T) for t, T in zip(at, poses, strict=True)]
         leaving, later = retreat_entry(self.robot, self.contact, self.T_end), self.legs - 1
         entries.append(replace(leaving, phase0=leaving.phase0 + later, phase1=leaving.phase1 + later))
         return Skeleton(entries)
+
+
+def shares(steps: int) -> np.ndarray:
+    """Even shares (steps,) of a way, the last one 1."""
+    return np.arange(1, steps + 1) / steps
 
 
 class TransferProblem:
@@ -91,28 +110,36 @@ class TransferProblem:
         self.scene, self.state, self.transfers = scene, state, tuple(transfers)
         self.robots = tuple(dict.fromkeys(transfer.robot for transfer in transfers))
         self.workspace = Workspace(scene, state, self.robots)
-        skeleton = transfers[0].skeleton()
-        for transfer in transfers[1:]:
-            skeleton = skeleton.then(transfer.skeleton())
-        steps = [count for transfer in transfers for count in transfer.steps]
-        longest = max(sum(transfer.steps) for transfer in transfers)
+        self.problem = self._problem(straight=False)
+
+    def _problem(self, straight: bool) -> SkeletonProblem:
+        """The problem; with objects that go straight, it is that of a first guess."""
+        first, *others = (transfer.skeleton(straight) for transfer in self.transfers)
+        skeleton = reduce(Skeleton.then, others, first)
+        steps = [count for transfer in self.transfers for count in transfer.steps]
+        longest = max(sum(transfer.steps) for transfer in self.transfers)
         options = replace(
             path_options(longest), coarse=COARSE_STEPS * len(self.transfers), iterations=ITERATIONS, outer=OUTER
         )
-        self.problem = SkeletonProblem(skeleton, self.workspace, steps, options)
-        self._keep_idle_robots_still()
+        problem = SkeletonProblem(skeleton, self.workspace, steps, options)
+        self._keep_idle_robots_still(problem)
+        return problem
+
+    def guess(self, rng: np.random.Generator) -> np.ndarray:
+        """A first guess (T, n): the objects go straight from one pose to the next, whatever stands there."""
+        return self._problem(straight=True).solve(self.workspace.start, rng=rng).path
 
     def solve(self, rng: np.random.Generator, restarts: int) -> list[SubTrajectory] | None:
         """Solve it; None where the solver finds no feasible path.
 
         Args:
             rng: the only source of randomness.
-            restarts: further first guesses.
+            restarts: further first guesses, with random bumps.
 
         Raises:
             MotionError: the path found cannot be timed within the joint limits.
         """
-        result = self.problem.solve(self.workspace.start, restarts=restarts, rng=rng)
+        result = self.problem.solve(self.workspace.start, self.guess(rng), restarts, rng)
         return self.motions(result.path) if result.feasible else None
 
     def motions(self, path: np.ndarray) -> list[SubTrajectory]:
@@ -135,7 +162,7 @@ class TransferProblem:
             first = last
         return found
 
-    def _keep_idle_robots_still(self) -> None:
+    def _keep_idle_robots_still(self, problem: SkeletonProblem) -> None:
         """The joints of a robot do not change while another one moves."""
         first = 0
         for transfer in self.transfers:
@@ -144,5 +171,5 @@ class TransferProblem:
                 if name != transfer.robot:
                     joints = self.workspace.model.joints(name)
                     feature = joint_position(np.zeros(joints.stop - joints.start), joints.start)
-                    self.problem.add(Objective(feature, ObjectiveType.EQ, steps, order=1))
+                    problem.add(Objective(feature, ObjectiveType.EQ, steps, order=1))
             first = steps.stop

@@ -1,10 +1,11 @@
 """One NLP over the whole task with the skeleton given, restarted until the time is up."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hmap_core.baselines.given_moves import Move, given_moves
+from hmap_core.baselines.komo.places import Places
 from hmap_core.baselines.move_contacts import contacts_of_move
 from hmap_core.baselines.restarts import Job, new_job
 from hmap_core.baselines.transfers import Transfer, TransferProblem
@@ -14,7 +15,6 @@ from hmap_core.types import ContactPoint, Plan, Scene, SceneState
 
 GUESSES = 2  # further first guesses of the path with the same contacts
 USES = 8  # restarts for which the contacts of a move are used before others are sampled
-SPREAD = 0.1  # m, standard deviation of a place of release from the line between start and goal
 NOT_ON_THE_WAY = np.zeros((0, 7))
 
 
@@ -77,18 +77,16 @@ class _Attempts:
         for move in self._moves:
             job.check_time()
             T_start = state.poses[move.object]
-            T_end = self._place(move, T_start) if move.intermediate else move.T_end
+            T_end = move.T_end
+            if move.intermediate:
+                goal = replace(job.scene.goal, object=move.object)
+                drawn = Places(job.scene, state, goal).draw(job.rng)
+                if drawn is None:
+                    return []
+                T_end = drawn
             pool = contacts_of_move(job.scene, state, move.robot, move.object, np.array([T_start, T_end]), job.rng)
             if not pool:
                 return []
             found.append((move, T_start, T_end, pool))
             state.poses[move.object] = T_end
         return found
-
-    def _place(self, move: Move, T_start: np.ndarray) -> np.ndarray:
-        """A random place of release (7,): as high and turned as at the start or at the goal, near the line between."""
-        rng, T_goal = self._job.rng, self._job.scene.goal.pose
-        place = (T_start if rng.random() < 0.5 else T_goal).copy()
-        between = T_start[:2] + rng.random() * (T_goal[:2] - T_start[:2])
-        place[:2] = between + (rng.random() < 0.5) * SPREAD * rng.normal(size=2)
-        return place
