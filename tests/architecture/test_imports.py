@@ -50,7 +50,7 @@ LAYERS = (
     {"baselines"},
     {"execution"},
     {"simulation"},
-    {"benchmark", "evaluation", "robot_setup", "viz"},
+    {"benchmark", "evaluation", "learning", "robot_setup", "viz"},
     {"viewer"},
     {"precompile"},
     {"cli"},
@@ -73,7 +73,15 @@ JUDGE_MAY_IMPORT = {"exceptions", "validation"}
 # Only the simulation knows PyBullet; these use the simulation: a path inside the package, or a folder of it.
 SIMULATION = "hmap_core.simulation"
 SIMULATION_USERS = {
-    "hmap_core": {"simulation", "evaluation", "robot_setup", "viz", "cli/bench_robustness.py", "cli/execute.py"},
+    "hmap_core": {
+        "simulation",
+        "evaluation",
+        "robot_setup",
+        "viz",
+        "cli/bench_robustness.py",
+        "cli/execute.py",
+        "learning/motions.py",
+    },
     "hmap": {"world", "nodes/world.py", "nodes/dynamic_obstacles.py"},
 }
 

@@ -33,11 +33,13 @@ setup(
     extras_require={
         "bench": ["robotic==0.4.2"],
         "dask": ["dask[distributed]"],
+        # data sets, training, evaluation; this version of torch is a CPU build on the index that README names
+        "learning": ["torch==2.13.0", "pyarrow", "lightgbm"],
         "mujoco": ["mujoco>=3.2,<4"],  # a second physics engine for executions
         "xacro": ["xacro"],
     },
     packages=find_packages(exclude=["test"]),
-    package_data={PACKAGE: ["py.typed", "baselines/*.yaml"]},
+    package_data={PACKAGE: ["py.typed", "baselines/*.yaml", "learning/*.toml", "learning/*.safetensors"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

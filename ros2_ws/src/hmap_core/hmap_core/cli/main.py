@@ -11,8 +11,20 @@ from hmap_core.command_line import keep_for_results, run_reported
 from hmap_core.garbage import collect_rarely
 
 ENTRY_POINTS = "hmap.commands"  # group of other packages' modules with HELP, add_arguments and run
-COMMANDS = ("tasks", "plan", "check", "execute", "bench", "plugins", "robot", "view")
-BUILT_IN = {name: f"hmap_core.cli.{name}" for name in COMMANDS}
+COMMANDS = (
+    "tasks",
+    "plan",
+    "check",
+    "execute",
+    "bench",
+    "plugins",
+    "robot",
+    "view",
+    "dataset",
+    "train",
+    "evaluate-proposer",
+)
+BUILT_IN = {name: f"hmap_core.cli.{name.replace('-', '_')}" for name in COMMANDS}
 
 
 def main(argv: Sequence[str] | None = None) -> int:

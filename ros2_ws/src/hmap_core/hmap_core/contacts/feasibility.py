@@ -13,6 +13,7 @@ import time
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import IntEnum
 
 import numpy as np
 
@@ -193,6 +194,14 @@ def alike(contacts: Sequence[ContactPoint]) -> list[list[int]]:
     return list(groups.values())
 
 
+class Access(IntEnum):
+    """How far a robot comes to a contact."""
+
+    NO_IK = 0  # inverse kinematics finds no free configuration in contact
+    NO_WAY_BACK = 1  # it cannot draw back to the pre-contact pose
+    FREE = 2  # it can come and go
+
+
 def reachable(
     manipulation: Manipulation,
     contacts: Sequence[ContactPoint],
@@ -204,8 +213,20 @@ def reachable(
 
     Inverse kinematics starts from home, unless ``from_home`` is False, and from random configurations.
     """
+    access, q = accesses(manipulation, contacts, T_world_obj, rng, from_home)
+    return access == Access.FREE, q
+
+
+def accesses(
+    manipulation: Manipulation,
+    contacts: Sequence[ContactPoint],
+    T_world_obj: np.ndarray,
+    rng: np.random.Generator,
+    from_home: bool = True,
+) -> tuple[np.ndarray, np.ndarray]:
+    """As :func:`reachable`, with how far the robot comes to each contact: (:class:`Access` (K,), configurations)."""
     n = manipulation.model.n
-    ok, q = np.zeros(len(contacts), bool), np.zeros((len(contacts), n))
+    access, q = np.full(len(contacts), int(Access.NO_IK)), np.zeros((len(contacts), n))
     chain = manipulation.model.chain
     home = manipulation.scene.robots[manipulation.robot].model.home
     starts = [home] * from_home + [*rng.uniform(chain.lower, chain.upper, (RESTARTS, n))]
@@ -220,12 +241,14 @@ def reachable(
             initial = np.tile(start, (len(todo), 1))
             found, feasible = solve_ik_batch(problem, goal[todo], initial, initial)
             for k, configuration in zip(todo[feasible], found[feasible], strict=True):
-                if len(draw_back(manipulation, problem, contacts[members[k]], T_world_obj, configuration)):
-                    ok[index[k]], q[index[k]] = True, configuration
-            todo = np.array([k for k in todo if not ok[index[k]]], int)
+                free = len(draw_back(manipulation, problem, contacts[members[k]], T_world_obj, configuration)) > 0
+                access[index[k]] = Access.FREE if free else Access.NO_WAY_BACK
+                if free:
+                    q[index[k]] = configuration
+            todo = np.array([k for k in todo if access[index[k]] != Access.FREE], int)
             if not len(todo):
                 break
-    return ok, q
+    return access, q
 
 
 def carried(

@@ -114,6 +114,7 @@ def sample_contacts(
     rng: np.random.Generator,
     batch: int = DEFAULT_BATCH,
     spanning: bool = False,
+    uniform: bool = False,
 ) -> Iterator[list[ContactPoint]]:
     """Contact points for one object, ranked, in batches; the geometry of the robot and the scene is not looked at.
 
@@ -126,11 +127,12 @@ def sample_contacts(
         rng: the only source of randomness.
         batch: contacts per batch; the last may be shorter.
         spanning: only grasps across a gap between two walls of the body.
+        uniform: in a random order instead of the best first.
     """
     sets = candidates(body, cloud, hand, mode, situation, rng, spanning)
     if not sets:
         return
-    which, index = scoring.ordered(sets)
+    which, index = scoring.shuffled(sets, rng) if uniform else scoring.ordered(sets)
     for first in range(0, len(which), batch):
         part = slice(first, first + batch)
         made: dict[int, ContactPoint] = {}

@@ -92,6 +92,14 @@ def ordered(sets: list[Candidates]) -> tuple[np.ndarray, np.ndarray]:
     return which[order], index[order]
 
 
+def shuffled(sets: list[Candidates], rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """All contacts in a random order: what is drawn first is a uniform sample. Returns as :func:`ordered`."""
+    which = np.concatenate([np.full(len(s), k) for k, s in enumerate(sets)])
+    index = np.concatenate([np.arange(len(s)) for s in sets])
+    order = rng.permutation(len(which))
+    return which[order], index[order]
+
+
 def _group(s: Candidates) -> np.ndarray:
     """A number (N,) that contacts share with the same cell, face, and side of approach."""
     place = np.round(s.point / CELL).astype(np.int64)

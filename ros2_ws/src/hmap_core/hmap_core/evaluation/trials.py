@@ -38,7 +38,7 @@ def run_trials(
     from joblib import Parallel, delayed  # slow to import, and needed by benchmarks only
 
     results: dict[int, TrialResult] = {}
-    with _backend(dask):
+    with backend(dask):
         parallel = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
         for k, result in parallel(delayed(_numbered)(k, trial, command) for k, trial in enumerate(trials)):
             results[k] = result
@@ -87,7 +87,7 @@ def _numbered(k: int, trial: Trial, command: Sequence[str]) -> tuple[int, TrialR
 
 
 @contextlib.contextmanager
-def _backend(address: str | None) -> Iterator[None]:
+def backend(address: str | None) -> Iterator[None]:
     """Selects a Dask cluster as joblib's backend if an address is given.
 
     Raises:

@@ -11,6 +11,7 @@ from hmap_core.planner.protocols import (
     ContactChecker,
     ContactFinder,
     ContactProposer,
+    ManipulatorRanker,
     ObjectPathPlanner,
     SegmentPlanner,
 )
@@ -30,6 +31,7 @@ class PlannerComponents:
         segments: plans the motions of robots (KOMO).
         tools: finds grasps on tools.
         end_contacts: finds contacts that serve at the start and at the goal.
+        ranker: orders robots, tools and holds before contacts are sampled; None: by geometry alone.
     """
 
     object_path: ObjectPathPlanner
@@ -39,6 +41,7 @@ class PlannerComponents:
     segments: SegmentPlanner
     tools: ToolGraspFinder
     end_contacts: EndContacts
+    ranker: ManipulatorRanker | None = None
 
 
 def local_components(
@@ -52,20 +55,23 @@ def local_components(
 
     Args:
         object_path: by default hmap's own search.
-        proposer: queried before sampled contacts; by default contacts are only sampled.
+        proposer: queried before sampled contacts; by default contacts are only sampled. One that is a
+            :class:`ManipulatorRanker` orders robots, tools and holds, too.
         checker: by default the local feasibility check.
         contacts: by default proposes and checks by the two above.
         segments: by default KOMO in this process.
     """
     sampled, checker = SampledContacts(), checker or LocalContactChecker()
+    ranker = proposer if isinstance(proposer, ManipulatorRanker) else None
     return PlannerComponents(
         object_path or BidirectionalSearch(),
         sampled,
         checker,
         contacts or ProposeAndCheck(proposers(proposer), checker),
         segments or KomoSegmentPlanner(),
-        ToolGraspSearch(sampled),
+        ToolGraspSearch(sampled, ranker),
         EndContacts(sampled),
+        ranker,
     )
 
 

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -60,10 +61,12 @@ class ProposeAndCheck:
                 query.count,
                 deadline,
             )
-            for batch in (batch for proposer in self.proposers for batch in proposer.propose(own)):
+            before = checked
+            for proposer, batch in ((each, batch) for each in self.proposers for batch in each.propose(own)):
                 checked += len(batch)
                 feasible = self.checker.check(own, batch.contacts, beyond)
-                found += feasible
+                source = getattr(proposer, "name", "")
+                found += [replace(contact, proposer=source, checked=checked - before) for contact in feasible]
                 if feasible or time.monotonic() > deadline:
                     break
         if not found:

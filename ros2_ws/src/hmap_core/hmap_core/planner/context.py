@@ -37,7 +37,13 @@ class Record:
     error: HmapError | None = None
     contact_searches: int = 0
     counts: dict[str, int] = field(
-        default_factory=lambda: {"waypoint_plans": 0, "contact_proposals": 0, "contact_tries": 0}
+        default_factory=lambda: {
+            "waypoint_plans": 0,
+            "contact_proposals": 0,  # contact searches that found some
+            "contacts_checked": 0,  # in these, until the first was feasible
+            "learned_contacts": 0,  # feasible contacts that the learned proposer proposed
+            "contact_tries": 0,
+        }
     )
 
     def failed(self, error: HmapError) -> None:

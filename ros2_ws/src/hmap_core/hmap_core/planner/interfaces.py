@@ -16,6 +16,8 @@ class RobotContact:
         reach: index of the farthest object pose, of those asked for, to which this contact can carry the object.
         keyframes: (reach + 1, n) configurations of the robot in contact at the object poses 0 .. reach.
         clear: other robots that have to go home before.
+        proposer: name of the proposer from which it came; empty: not known.
+        checked: how many contacts were checked until one was feasible, this one's batch included; 0: not known.
     """
 
     robot: str
@@ -23,6 +25,8 @@ class RobotContact:
     reach: int
     keyframes: np.ndarray
     clear: tuple[str, ...] = ()
+    proposer: str = ""
+    checked: int = 0
 
 
 @dataclass(frozen=True)

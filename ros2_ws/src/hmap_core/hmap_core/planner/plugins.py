@@ -32,7 +32,10 @@ _BUILT_IN = {
         "hmap": "hmap_core.planner.object_path:BidirectionalSearch",
         "ompl": "hmap_core.planner.ompl_object_path:ompl_object_path",
     },
-    CONTACT_PROPOSERS: {"sampled": "hmap_core.planner.sampled_contacts:SampledContacts"},
+    CONTACT_PROPOSERS: {
+        "sampled": "hmap_core.planner.sampled_contacts:SampledContacts",
+        "learned": "hmap_core.learning.proposer:LearnedContacts",
+    },
     TRANSIT_PLANNERS: {
         "hmap": "hmap_core.planner.transit:TreeTransit",
         "ompl": "hmap_core.planner.ompl_transit:OmplTransit",

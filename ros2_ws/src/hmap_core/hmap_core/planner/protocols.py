@@ -121,6 +121,27 @@ class ContactProposer(Protocol):
 
 
 @runtime_checkable
+class ManipulatorRanker(Protocol):
+    """Estimates, before any contact is sampled, how far hands and held tools would move an object.
+
+    A contact proposer may be one, too. It decides the order in which robots, tools and holds are tried, and nothing
+    else: what it expects little of is tried last.
+    """
+
+    def hand_serves(
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, robots: Sequence[str]
+    ) -> np.ndarray:
+        """Probability (R,) that the bare hand of each robot serves more than a few of the poses (M, 7)."""
+        ...
+
+    def hold_serves(
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, holds: Sequence[ToolGrasp]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Probability (H,) that each hold on a tool serves more than a few poses, and the share (H,) of them."""
+        ...
+
+
+@runtime_checkable
 class ContactChecker(Protocol):
     """Checks contacts for one robot (eq. 3 of the paper)."""
 

@@ -35,7 +35,16 @@ class SampledContacts:
     Batches come from the measured cloud first, then from the points of the known surface that cameras see, then from
     the rest of that surface, then grasps across a gap between two walls. Within each, contacts are ranked by the score
     of the sampler. Last come those of the others that the hand alone can make where the object is.
+
+    Args:
+        uniform: contacts come in a random order instead, as a data set needs them.
+        points: how many of the surface's points are used, drawn at random; None: all of them.
     """
+
+    name = "sampled"
+
+    def __init__(self, uniform: bool = False, points: int | None = None):
+        self._uniform, self._points = uniform, points
 
     def propose(self, query: ContactQuery) -> Iterator[ContactProposals]:
         """Yield batches of at most BATCH contacts, MAX_CONTACTS from each source."""
@@ -43,6 +52,8 @@ class SampledContacts:
         surface = query.surface
         if surface is None:
             surface = sampled_surface(scene, query.state, query.object, poses[0], query.rng)
+        if self._points is not None and len(surface) > self._points:
+            surface = surface[query.rng.permutation(len(surface))[: self._points]]
         hand = hand_of(placed)
         room = ACCESS if hand.gripper is None else hand.gripper.pad_half_width
         near = box_of(scene.bodies[query.object], poses[0]) + (room + SKIN) * np.array([[-1.0], [1.0]])
@@ -58,7 +69,9 @@ class SampledContacts:
         for points, spanning in sources:
             if points is None or not len(points):
                 continue
-            left.append(sample_contacts(body, points, hand, scene.mode, situation, query.rng, BATCH, spanning))
+            left.append(
+                sample_contacts(body, points, hand, scene.mode, situation, query.rng, BATCH, spanning, self._uniform)
+            )
             for batch in left[-1]:
                 total += len(batch)
                 if limited:

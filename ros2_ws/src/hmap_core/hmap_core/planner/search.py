@@ -15,12 +15,13 @@ from hmap_core.planner import reachability, steps
 from hmap_core.planner.context import SearchContext
 from hmap_core.planner.interfaces import RobotContact, ToolGrasp
 from hmap_core.planner.loads import needs_two_robots
+from hmap_core.planner.manipulator_order import contact_strategies
 from hmap_core.planner.obstacle_removal import ObstacleRemoval, RemovalError, StuckError
 from hmap_core.planner.outcome import Failure, Outcome, Solution
 from hmap_core.planner.relaxed import RelaxedSolution
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
 from hmap_core.planner.steps import TRIES_WITH_TOOL
-from hmap_core.planner.strategies import CONTACT_STRATEGIES, PATH_STRATEGIES, WAYPOINT_STRATEGIES
+from hmap_core.planner.strategies import LAST_STRATEGIES, PATH_STRATEGIES
 from hmap_core.planner.strategies.base import Strategy
 from hmap_core.planner.tasks import PathTask, WaypointTask
 from hmap_core.types import Goal, Plan, TaskMode
@@ -42,8 +43,6 @@ class Search:
         removal: removes obstacles.
         given_up: names of strategies that are not tried in further rounds.
     """
-
-    contact_strategies = CONTACT_STRATEGIES
 
     def __init__(self, context: SearchContext):
         self.context = context
@@ -132,7 +131,7 @@ class Search:
             ahead = np.concatenate([sequence.state.poses[subgoal.goal.object][None], poses[at + 1 :]])
             task = WaypointTask.of(self.context, subgoal, sequence, ahead, at, known)
             with self.context.record.tree.attempt(f"waypoint {len(waypoints) + 1}: pose {at} of {len(poses) - 1}"):
-                outcome = self.run(WAYPOINT_STRATEGIES, task)
+                outcome = self.run((*self.contact_strategies(task), *LAST_STRATEGIES), task)
             if isinstance(outcome, Failure):
                 return replace(outcome, reached=sequence if at else None)
             sequence, known = outcome.sequence, outcome.known
@@ -180,6 +179,10 @@ class Search:
                     return Solution(ready.after(motion), contact.reach, contact=None if grasp else contact)
             manipulator, contacts = manipulator.others_first(contacts), ()
         return task.context.record.last_failure()
+
+    def contact_strategies(self, task: WaypointTask) -> tuple[Strategy, ...]:
+        """The strategies for contacts at a waypoint, in the order in which they are tried."""
+        return contact_strategies(task)
 
     def run(self, strategies: Sequence[Strategy], task: PathTask | WaypointTask) -> Outcome:
         """Try strategies in their order until one succeeds, or fails in a way that ends the round."""

@@ -13,6 +13,7 @@ from hmap_core.planner.tasks import WaypointTask
 from hmap_core.planner.tools import attach_tool, with_tool_placed
 from hmap_core.types import Scene, SceneState
 
+LEARNED = "learned"  # name of the proposer that has learned; others are counted as sampled
 TRIES_WITH_TOOL = 4  # contacts tried with one grasp on a tool
 
 
@@ -64,7 +65,10 @@ def find_contacts(task: WaypointTask, manipulator: Manipulator, count: int) -> l
             _failed(context, node, error)
             return []
         node.succeed(f"{len(found)} feasible")
-    context.record.counts["contact_proposals"] += 1
+    counts = context.record.counts
+    counts["contact_proposals"] += 1
+    counts["contacts_checked"] += max(contact.checked for contact in found)
+    counts["learned_contacts"] += sum(contact.proposer == LEARNED for contact in found)
     return found
 
 

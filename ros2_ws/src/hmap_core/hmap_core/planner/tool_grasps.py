@@ -9,14 +9,20 @@ import numpy as np
 from hmap_core.contacts.feasibility import reach_bounds, reachable
 from hmap_core.planner.contact_checker import cleared, least_reach, secure_grasps
 from hmap_core.planner.interfaces import RobotContact, ToolGrasp
-from hmap_core.planner.protocols import ContactProposals, ContactProposer, ContactQuery
+from hmap_core.planner.protocols import ContactProposals, ContactProposer, ContactQuery, ManipulatorRanker
 from hmap_core.planner.tools import attach_tool, farthest_points, tools_of, within_reach
 from hmap_core.types import Scene, SceneState
 
 TRIED = 16  # grasps on a tool for which inverse kinematics is solved
 KEPT = 8  # of them, per robot
 RANKED_FIRST = 3  # of these; the others are ranked only if the best of the first is good
+LOOKED_AT = 2  # of the best that a ranker names
 SHARE_OF_BEST = 0.5  # reach, as a share of the best, from which on a tool and robot count as good
+
+
+def _by_reach(entry: tuple[ToolGrasp, int, int]) -> tuple[int, int]:
+    """Sorts grasps by how far they serve, then by with how many contacts, the best first."""
+    return -entry[1], -entry[2]
 
 
 class ToolGraspFinder(Protocol):
@@ -34,10 +40,11 @@ class ToolGraspSearch:
 
     Args:
         proposer: proposes grasps on tools, and contacts of tools on the object.
+        ranker: estimates how far each grasp serves; only the best of them are looked at then. None: all are.
     """
 
-    def __init__(self, proposer: ContactProposer):
-        self._proposer = proposer
+    def __init__(self, proposer: ContactProposer, ranker: ManipulatorRanker | None = None):
+        self._proposer, self._ranker = proposer, ranker
 
     def tool_grasps(
         self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, seed: int, time_limit: float
@@ -68,7 +75,7 @@ class ToolGraspSearch:
             if within_reach(scene, state, robot, tool, object)
         ]
         grasps = [
-            [ToolGrasp(tool, contact, state.poses[tool]) for contact in self._on_tool(scene, state, tool, robot, rng)]
+            [ToolGrasp(tool, contact, state.poses[tool]) for contact in self.holds(scene, state, tool, robot, rng)]
             for tool, robot in pairs
         ]
 
@@ -83,14 +90,31 @@ class ToolGraspSearch:
                     break
             return best
 
+        if self._ranker is not None:
+            every = [grasp for some in grasps for grasp in some]
+            likely = self._likely(scene, state, object, object_poses, every)
+            for grasp in likely[:LOOKED_AT]:
+                rank([grasp])
+            if ranked:
+                others = [(grasp, least) for grasp in likely[LOOKED_AT:]]
+                return [(grasp, bound) for grasp, bound, _ in sorted(ranked, key=_by_reach)] + others
         first = [rank(some[:RANKED_FIRST]) for some in grasps]
         good = SHARE_OF_BEST * max(first, default=0) if ranked else -1.0
         for some, best in zip(grasps, first, strict=True):
             if best >= good:
                 rank(some[RANKED_FIRST:])
-        return [(grasp, bound) for grasp, bound, _ in sorted(ranked, key=lambda entry: (-entry[1], -entry[2]))]
+        return [(grasp, bound) for grasp, bound, _ in sorted(ranked, key=_by_reach)]
 
-    def _on_tool(self, scene: Scene, state: SceneState, tool: str, robot: str, rng) -> list[RobotContact]:
+    def _likely(
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, grasps: list[ToolGrasp]
+    ) -> list[ToolGrasp]:
+        """The grasps in the order of how far the ranker expects them to serve."""
+        if self._ranker is None or not grasps:
+            return grasps
+        p, share = self._ranker.hold_serves(scene, state, object, object_poses, grasps)
+        return [grasps[k] for k in np.argsort(-p * share, kind="stable")]
+
+    def holds(self, scene: Scene, state: SceneState, tool: str, robot: str, rng) -> list[RobotContact]:
         """Grasps in which a robot can pick a tool where it stands, far from each other."""
         T_tool = state.poses[tool]
         manipulation, away = cleared(scene, state, tool, robot)

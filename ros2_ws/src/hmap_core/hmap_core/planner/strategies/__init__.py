@@ -35,7 +35,9 @@ PATH_STRATEGIES = (
     ManipulationGraphStrategy(),
     HandOver(),
 )
-# at one waypoint, with all bodies where they are; they solve the relaxed problem, too
+# at one waypoint, with all bodies where they are; they solve the relaxed problem, too. LAST_STRATEGIES follow.
 CONTACT_STRATEGIES = (ByHandToTheEnd(), AttachedToolStrategy(), ByHand(), NewTool(), ByHandWhereverItReaches())
-# at one waypoint
-WAYPOINT_STRATEGIES = (*CONTACT_STRATEGIES, RemoveObstacles())
+# as above, where a hand is expected to serve little and a tool much: what a hand does is tried last
+TOOL_FIRST = (AttachedToolStrategy(), NewTool(), ByHandToTheEnd(), ByHand(), ByHandWhereverItReaches())
+# at one waypoint, after those for contacts
+LAST_STRATEGIES = (RemoveObstacles(),)

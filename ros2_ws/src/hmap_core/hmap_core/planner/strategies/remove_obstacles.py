@@ -149,7 +149,7 @@ def solve_relaxed(
         finder = CostTerm(task.context.components.contacts, bodies_hit(scene, gone))
         task = replace(task, context=task.context.using(contacts=finder))
         with context.record.tree.attempt(f"relaxed problem without {', '.join(gone)}"):
-            outcome = search.run(search.contact_strategies, task)
+            outcome = search.run(search.contact_strategies(task), task)
         if isinstance(outcome, Failure):
             continue
         motions = outcome.sequence.motions[len(sequence.motions) :]

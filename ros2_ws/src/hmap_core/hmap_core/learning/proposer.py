@@ -1,0 +1,129 @@
+"""The informed half of Algorithm 3: contacts, tools and holds, ordered by how far a model expects them to serve."""
+
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from hmap_core.contacts.camera import Cloud
+from hmap_core.learning.clearance import Boxes
+from hmap_core.learning.features import contact_features
+from hmap_core.learning.hold_features import hold_features
+from hmap_core.learning.network import SHIPPED, ContactModel, load_model
+from hmap_core.learning.situation import PathSituation
+from hmap_core.planner.interfaces import ToolGrasp
+from hmap_core.planner.protocols import ContactProposals, ContactQuery
+from hmap_core.planner.sampled_contacts import SampledContacts
+from hmap_core.planner.tools import attach_tool
+from hmap_core.types import Robot, Scene, SceneState, TaskMode
+
+POINTS = 200  # of the object's surface on which candidates are generated; the sampler uses 600
+CHECKS = 96  # contacts that are proposed at least: checking them costs less than generating them
+SURE = 1.0  # what is expected of a robot or a task about which nothing was learned
+
+
+class LearnedContacts:
+    """Implements :class:`~hmap_core.planner.protocols.ContactProposer` and ``ManipulatorRanker``.
+
+    Candidates on a part of the surface are scored by the model; the best are proposed. There are at least as many as
+    the model asks for, so that one of them is feasible in 95 % of the queries in which any is. Sampled contacts follow
+    as fallback.
+
+    Args:
+        weights: a file of `hmap train`; empty: the weights that are shipped.
+
+    Raises:
+        InputError: the file is missing, damaged or of another program.
+    """
+
+    name = "learned"
+
+    def __init__(self, weights: str = ""):
+        self._model: ContactModel = load_model(Path(weights).absolute() if weights else SHIPPED)
+        self._candidates = SampledContacts(points=POINTS)
+        self._boxes: tuple[tuple, Boxes] | None = None
+
+    def propose(self, query: ContactQuery) -> Iterator[ContactProposals]:
+        """Yield one batch of contacts of a held tool, the best first.
+
+        Nothing is proposed for bare hands: generating their contacts costs less than what could be saved. Nor is
+        anything where the model knows nothing about the task or the robot.
+        """
+        if query.tool is None or not self._knows(query.scene, query.robot):
+            return
+        query = replace(query, cloud=sound(query.cloud))
+        contacts = [c for batch in islice(self._candidates.propose(query), 1) for c in batch.contacts]
+        if not contacts:
+            return
+        situation = PathSituation.of(query.scene, query.state, query.object, query.object_poses, query.robot)
+        p, share = self._model.feasible(contact_features(situation, contacts))
+        best = np.argsort(-p * (0.2 + share), kind="stable")[: max(self._model.checks or 0, CHECKS)]
+        yield ContactProposals(tuple(contacts[k] for k in best), tuple(p[best].tolist()))
+
+    def hand_serves(
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, robots: Sequence[str]
+    ) -> np.ndarray:
+        """As :meth:`hmap_core.planner.protocols.ManipulatorRanker.hand_serves`."""
+        if not all(self._knows(scene, robot) for robot in robots) or not len(robots):
+            return np.full(len(robots), SURE)
+        boxes = self._around(scene, state, (object,))
+        placed = [bare(scene.robots[robot]) for robot in robots]
+        rows = [hold_features(PathSituation.among(scene, scene.bodies[object], r, object_poses, boxes)) for r in placed]
+        return self._model.serves(np.array(rows))[0]
+
+    def hold_serves(
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, holds: Sequence[ToolGrasp]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """As :meth:`hmap_core.planner.protocols.ManipulatorRanker.hold_serves`."""
+        if not holds or not all(self._knows(scene, hold.robot) for hold in holds):
+            return np.full(len(holds), SURE), np.full(len(holds), SURE)
+        rows = []
+        for hold in holds:
+            placed = attach_tool(scene, hold).robots[hold.robot]
+            boxes = self._around(scene, state, (object, hold.tool))
+            rows.append(hold_features(PathSituation.among(scene, scene.bodies[object], placed, object_poses, boxes)))
+        return self._model.serves(np.array(rows))
+
+    def _around(self, scene: Scene, state: SceneState, without: tuple[str, ...]) -> Boxes:
+        """The boxes of all bodies but some; the last answer is kept, since holds on one tool share it."""
+        others = [(body, state.poses[name]) for name, body in scene.bodies.items() if name not in without]
+        key = (*((id(body), T.tobytes()) for body, T in others),)
+        if self._boxes is None or self._boxes[0] != key:
+            self._boxes = key, Boxes.around(others)
+        return self._boxes[1]
+
+    def _knows(self, scene: Scene, robot: str) -> bool:
+        """Whether the model was trained for such a task and robot; a warning says so where it was not."""
+        if scene.mode == TaskMode.KINEMATIC:
+            return False  # any touch carries: there is nothing to learn
+        model = scene.robots[robot].model.name
+        if model not in self._model.robots:
+            warnings.warn(
+                f"the learned contact proposer has not seen the robot '{model}' (it knows "
+                f"{', '.join(sorted(self._model.robots))}): its contacts are sampled",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+            return False
+        return True
+
+
+def bare(robot: Robot) -> Robot:
+    """A robot without an attached tool."""
+    return robot if robot.model.attached is None else replace(robot, model=replace(robot.model, attached=None))
+
+
+def sound(cloud: Cloud | None) -> Cloud | None:
+    """A measured cloud without points that are not finite; None with a warning where nothing is left."""
+    if cloud is None:
+        return None
+    finite = np.isfinite(cloud.points).all(axis=1) & np.isfinite(cloud.normals).all(axis=1)
+    if finite.all() and len(cloud):
+        return cloud
+    if not finite.any():
+        warnings.warn("a measured cloud has no finite point: the known surface is used", RuntimeWarning, stacklevel=3)
+        return None
+    return cloud[finite]
