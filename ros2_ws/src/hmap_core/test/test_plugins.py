@@ -62,7 +62,7 @@ def test_every_listed_part_implements_its_protocol(foreign):
 
 
 def test_an_unknown_name_is_refused_with_those_that_there_are(foreign):
-    with pytest.raises(InputError, match="unknown contact proposer 'learnt'; there are last_first, sampled"):
+    with pytest.raises(InputError, match="unknown contact proposer 'learnt'; there are last_first, learned, sampled"):
         plugins.create(plugins.CONTACT_PROPOSERS, "learnt")
     with pytest.raises(InputError, match="unknown group 'hmap.robots'"):
         plugins.plugins("hmap.robots")
