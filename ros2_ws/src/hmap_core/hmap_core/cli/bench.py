@@ -3,6 +3,7 @@
 import argparse
 
 from hmap_core.cli import (
+    bench_cmgmp,
     bench_generality,
     bench_komo,
     bench_limits,
@@ -17,10 +18,11 @@ from hmap_core.cli.main import add_kinds
 
 HELP = (
     "measure: tasks and generality (how often they are solved, how fast), table (methods against each other), "
-    "robustness (in worlds that are off), "
-    "quality (of motions), komo (against RAI's), limits, parts (object paths among many parts) or startup"
+    "robustness (in worlds that are off), quality (of motions), komo (against RAI's), cmgmp (on its authors' "
+    "demonstrations), limits, parts (object paths among many parts) or startup"
 )
 WHAT = {
+    "cmgmp": bench_cmgmp,
     "generality": bench_generality,
     "komo": bench_komo,
     "limits": bench_limits,

@@ -47,6 +47,7 @@ _BUILT_IN = {
         "lgp_star": "hmap_core.baselines.lgp_star.planner:LgpStar",
         "rai_komo": "hmap_core.benchmark.rai_planner:RaiKomo",
         "rai_lgp_star": "hmap_core.benchmark.rai_planner:RaiLgpStar",
+        "cmgmp": "hmap_core.baselines.cmgmp:CmgmpPlanner",
     },
 }
 _registered: dict[str, dict[str, "Plugin"]] = {group: {} for group in KINDS}

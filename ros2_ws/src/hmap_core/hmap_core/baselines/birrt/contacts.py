@@ -1,5 +1,7 @@
 """Hands and contacts from which a tree chooses: hmap's own sampler and feasibility checks."""
 
+from itertools import islice
+
 import numpy as np
 
 from hmap_core.baselines.birrt.manifold import Hand, Manifold
@@ -8,11 +10,11 @@ from hmap_core.contacts.feasibility import reach_bounds, reachable
 from hmap_core.planner.contact_checker import cleared, secure_grasps
 from hmap_core.planner.context import SearchContext
 from hmap_core.planner.interfaces import ToolGrasp
-from hmap_core.planner.protocols import ContactProposals
 from hmap_core.planner.surroundings import nearest_first
 from hmap_core.planner.tools import attach_tool, tools_of
 from hmap_core.types import ContactPoint
 
+BATCHES = 4  # of the sampler, the best first
 KEPT = 12  # contacts of a batch that are kept for later branches
 FRESH = 0.2  # share of the draws for which contacts are sampled anew
 TRIED = 3  # contacts for which inverse kinematics is solved at one draw
@@ -26,9 +28,12 @@ class Contacts:
         context: of the job.
         object: name of the object.
         space: of the object.
+        kept: contacts that are kept of those sampled at once.
+        fresh: share of the draws for which contacts are sampled anew.
     """
 
-    def __init__(self, context: SearchContext, object: str, space: ObjectSpace):
+    def __init__(self, context: SearchContext, object: str, space: ObjectSpace, kept: int = KEPT, fresh: float = FRESH):
+        self._kept, self._fresh = kept, fresh
         self._context, self._object, self._space = context, object, space
         robots = nearest_first(context.scene, object, context.start, tuple(context.scene.robots))
         self._hands = [self._hand(robot, None) for robot in robots]
@@ -50,22 +55,23 @@ class Contacts:
 
     def draw(self, T: np.ndarray, rng: np.random.Generator) -> tuple[Manifold, np.ndarray] | None:
         """A contact that can be made with the object at T (7,), and the configuration (n,) in it; None for none."""
-        number = int(rng.integers(len(self._hands)))
-        hand, pool = self._hands[number], self._pools[number]
-        if not pool or rng.random() < FRESH:
-            pool += self._sampled(hand, T, rng)
-        if not pool:
-            return None
-        bounds = reach_bounds(hand.manipulation, [mode.contact for mode in pool], T[None])
-        possible = np.flatnonzero(bounds >= 0)
-        chosen = [pool[k] for k in rng.permutation(possible)[:TRIED]]
+        chosen = self.candidates(T, rng, TRIED)
         if not chosen:
             return None
-        ok, q = reachable(hand.manipulation, [mode.contact for mode in chosen], T, rng)
-        if not ok.any():
-            return None
+        ok, q = reachable(chosen[0].hand.manipulation, [mode.contact for mode in chosen], T, rng)
         first = int(ok.argmax())
-        return chosen[first], q[first]
+        return (chosen[first], q[first]) if ok.any() else None
+
+    def candidates(self, T: np.ndarray, rng: np.random.Generator, count: int) -> list[Manifold]:
+        """Up to ``count`` contacts of a random hand that this can make alone with the object at T (7,)."""
+        number = int(rng.integers(len(self._hands)))
+        hand, pool = self._hands[number], self._pools[number]
+        if not pool or rng.random() < self._fresh:
+            pool += self._sampled(hand, T, rng)
+        if not pool:
+            return []
+        bounds = reach_bounds(hand.manipulation, [mode.contact for mode in pool], T[None])
+        return [pool[k] for k in rng.permutation(np.flatnonzero(bounds >= 0))[:count]]
 
     def forget(self, mode: Manifold) -> None:
         """Draw a contact no more."""
@@ -82,12 +88,12 @@ class Contacts:
         there = self._context.start.copy()
         there.poses[self._object] = T
         query = self._context.contact_query(hand.scene, there, self._object, T[None], hand.robot, rng)
-        batch = next(iter(self._context.components.proposer.propose(query)), ContactProposals(()))
-        contacts: list[ContactPoint] = list(batch.contacts)
+        batches = islice(self._context.components.proposer.propose(query), BATCHES)
+        contacts: list[ContactPoint] = [contact for batch in batches for contact in batch.contacts]
         if contacts and not self._space.planar:
             contacts = secure_grasps(hand.scene, self._object, hand.robot, contacts, T)
         if not contacts:
             return []
         possible = np.flatnonzero(reach_bounds(hand.manipulation, contacts, T[None]) >= 0)
-        kept = rng.permutation(possible)[:KEPT]
+        kept = rng.permutation(possible)[: self._kept]
         return [Manifold(hand, contacts[k], self._space) for k in kept]

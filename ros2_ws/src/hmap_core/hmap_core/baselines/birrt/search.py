@@ -1,5 +1,6 @@
 """The two trees of Bi-RRT, from the start and from the goal, and how they meet."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -37,7 +38,7 @@ class Leg:
     mode: Manifold
     path: np.ndarray
     poses: np.ndarray
-    nodes: tuple[Node, ...]
+    nodes: tuple[Node, ...] = ()
 
 
 class BidirectionalSearch:
@@ -157,16 +158,20 @@ class BidirectionalSearch:
 
 def _legs(forward: Node, backward: Node) -> list[Leg]:
     """The legs along a branch of the tree from the start, then along one of the tree from the goal."""
-    legs = [_leg(node, 1) for node in forward.branch()] + [_leg(node, -1) for node in backward.branch()[::-1]]
-    joined: list[Leg] = []
+    return joined([_leg(node, 1) for node in forward.branch()] + [_leg(node, -1) for node in backward.branch()[::-1]])
+
+
+def joined(legs: Sequence[Leg]) -> list[Leg]:
+    """The legs, neighbours in the same contact as one where the robot does not move between them."""
+    whole: list[Leg] = []
     for leg in legs:
-        last = joined[-1] if joined else None
+        last = whole[-1] if whole else None
         if last is not None and last.mode is leg.mode and np.abs(last.path[-1] - leg.path[0]).max() <= SAME:
             path, poses = (np.concatenate([a, b[1:]]) for a, b in ((last.path, leg.path), (last.poses, leg.poses)))
-            joined[-1] = Leg(leg.mode, path, poses, (*last.nodes, *leg.nodes))
+            whole[-1] = Leg(leg.mode, path, poses, (*last.nodes, *leg.nodes))
         else:
-            joined.append(leg)
-    return joined
+            whole.append(leg)
+    return whole
 
 
 def _leg(node: Node, direction: int) -> Leg:
