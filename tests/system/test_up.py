@@ -2,16 +2,20 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 import rclpy
+from mcap.reader import make_reader
 from rclpy.context import Context
 
+import hmap
 from hmap.commands.up import POLL
 from hmap.session import SERVICES
 from hmap_core.cli import main
@@ -115,6 +119,65 @@ def test_the_bag_opens_without_hmap_and_holds_the_run(run):
         assert bag["types"].get(topic) == kind
         assert bag["counts"].get(topic, 0) > 0, f"nothing on {topic}"
     assert bag["robots"] == ["panda_1", "panda_2"]
+
+
+CONFIG = Path(hmap.__file__).resolve().parents[1] / "config"
+PRIMITIVE = r"(bool|byte|char|w?string(<=\d+)?|u?int(8|16|32|64)|float(32|64))"
+STANDARD = {  # topics for other programs, of types that these know
+    "/tf": "tf2_msgs/msg/TFMessage",
+    "/tf_static": "tf2_msgs/msg/TFMessage",
+    "/panda_1/robot_description": "std_msgs/msg/String",
+    "/panda_2/robot_description": "std_msgs/msg/String",
+    "/markers": "visualization_msgs/msg/MarkerArray",
+    "/scene_markers": "visualization_msgs/msg/MarkerArray",
+    "/points": "sensor_msgs/msg/PointCloud2",
+    "/planned_trajectory": "trajectory_msgs/msg/JointTrajectory",
+    "/planned_path": "nav_msgs/msg/Path",
+}
+
+
+def layout_topics() -> dict[str, set[str]]:
+    """The topics that each layout file names."""
+    texts = {path.name: path.read_text(encoding="utf-8") for path in CONFIG.iterdir() if path.is_file()}
+    found = {name: set(re.findall(r"Value: (/\S+)", text)) for name, text in texts.items() if name.endswith(".rviz")}
+    for name in (name for name in texts if name.endswith(".json")):
+        strings = re.findall(r'"(/[^"]*)"', texts[name])
+        found[name] = {re.split(r"[.\[]", text)[0] for text in strings}
+        json.loads(texts[name])
+    curves = [curve.get("name", "") for curve in ElementTree.fromstring(texts["plotjuggler.xml"]).iter("curve")]
+    found["plotjuggler.xml"] = {"/" + curve.split("/")[1] for curve in curves}
+    found["rerun_view.py"] = set(re.findall(r'"(/\w[^"]*)"', texts["rerun_view.py"]))
+    return found
+
+
+def missing_types(text: str) -> set[str]:
+    """Message types that a schema uses and does not define."""
+    parts = re.split(r"^=+$", text, flags=re.MULTILINE)
+    defined = {match.group(1) for part in parts[1:] if (match := re.match(r"\s*MSG: (\S+)", part))}
+    used = set()
+    for line in "\n".join(re.sub(r"MSG: \S+", "", part) for part in parts).splitlines():
+        kind = re.sub(r"\[.*?\]", "", line.split("#")[0].strip().split(" ")[0])
+        if kind and not re.fullmatch(PRIMITIVE, kind):
+            used.add(kind)
+    return used - defined
+
+
+@pytest.mark.slow
+def test_every_topic_of_the_layouts_is_in_the_bag_with_its_whole_schema(run):
+    """As other programs read it: with the library mcap, and nothing of hmap."""
+    folder, _ = run
+    types: dict[str, str] = {}
+    for file in (folder / "bag").glob("*.mcap"):
+        with file.open("rb") as stream:
+            for schema, channel, _ in make_reader(stream).iter_messages():
+                if channel.topic not in types:
+                    assert schema.encoding == "ros2msg" and not missing_types(schema.data.decode()), channel.topic
+                types[channel.topic] = schema.name
+    layouts = layout_topics()
+    assert set(layouts) == {"hmap.rviz", "foxglove.json", "lichtblick.json", "plotjuggler.xml", "rerun_view.py"}
+    for name, topics in layouts.items():
+        assert topics and topics <= set(types), f"{name}: {topics - set(types)}"
+    assert {topic: types.get(topic) for topic in STANDARD} == STANDARD
 
 
 LAST_WORDS = "import atexit, os\natexit.register(lambda: os.write(1, b'a library says goodbye'))\n"

@@ -27,6 +27,7 @@ FORMATS = {
     "camera": ("camera/{camera}", "namespace of a camera's topics, which are called as realsense2_camera does"),
     "body_pose": ("vicon/{body}/{body}", "PoseStamped topic of a body; vrpn_mocap: vrpn_mocap/{body}/pose"),
 }
+OPTICAL_FRAME = "{camera}_color_optical_frame"  # as realsense2_camera names it
 ON_THE_GRAPH = ("arm_action", "gripper_action", "camera", "body_pose")  # names of topics and actions
 FIELDS = dict.fromkeys(("robot", "joint", "number", "camera", "body"), "x")
 

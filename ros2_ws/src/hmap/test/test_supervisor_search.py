@@ -20,7 +20,9 @@ def test_a_failed_job_carries_its_search_tree():
         error.search = SEARCH
         raise error
 
+    told = []
     node = SimpleNamespace(
+        _plans=SimpleNamespace(search_ended=told.append),
         _scene_monitor=SimpleNamespace(clouds=dict),
         _method=lambda *_: SimpleNamespace(plan=plan),
         _canceled=lambda job: False,
@@ -31,6 +33,7 @@ def test_a_failed_job_carries_its_search_tree():
         Supervisor._plan(node, job, request, 10.0)
     (entry,) = [entry for entry in job.result.statistics if entry.key == "search"]
     assert json.loads(entry.value) == SEARCH
+    assert told == [SEARCH]
 
 
 def supervisor_with(plan, alive: int = 0, dry_run: bool = False):

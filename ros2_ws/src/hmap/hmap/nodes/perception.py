@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
@@ -24,6 +25,7 @@ from hmap.perception.frames import Frames
 from hmap.perception.fusion import Fusion
 from hmap.perception.pictures import Picture, PictureParts
 from hmap.perception.pose_filter import POSE_NOISE
+from hmap.perception.standard_topics import StandardTopics
 from hmap.supervision.watchdog import MotionWatchdog
 from hmap_core.contacts.camera import Cloud
 from hmap_core.contacts.cloud import cloud_from_depth, merge_clouds
@@ -82,6 +84,8 @@ class Perception(HmapNode):
         self._state = self.create_publisher(WorldState, "world_state", 10)
         self._clouds = self.create_publisher(ObjectClouds, "object_clouds", LATCHED)
         self._new = self.create_publisher(BodyArray, "new_object", LATCHED)
+        about = "publish tf, robot descriptions, markers of bodies and a cloud for RViz, Foxglove and others"
+        self._standard = StandardTopics(self) if self.parameter("standard_topics", True, about) else None
         self._watched: Watched | None = None
         self._announced: set[str] = set()  # bodies that `scene` has announced since it was loaded
         self._reported = False  # whether the last message of `new_object` has bodies
@@ -141,6 +145,8 @@ class Perception(HmapNode):
                 name = f"{self._naming.camera(camera.name)}/{topic}"
                 self._subscribe_to_camera(kind, name, partial(self._take_picture, watched, parts, part))
         self._report_new(watched)
+        if self._standard is not None:
+            self._standard.load(scene, self.get_clock().now().to_msg())
         self.set_status("waiting for measurements", task=scene.task, seed=scene.seed)
 
     def _subscribe_to_body(self, fusion: Fusion, name: str) -> Subscription:
@@ -239,12 +245,16 @@ class Perception(HmapNode):
         stamp = time_to_message(time)
         message = ObjectClouds()
         message.header.stamp, message.header.frame_id = stamp, FRAME
+        shown: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         for name, seen in self._seen.items():
             cloud = merge_clouds([cloud for cloud in seen.values() if len(cloud)])
             pose = fusion.pose_at(name, time)
             if len(cloud) and pose is not None:
                 message.clouds.append(cloud_to_message(name, pose, cloud, stamp))
+                shown[name] = pose, cloud.points, cloud.normals
         self._clouds.publish(message)
+        if self._standard is not None:
+            self._standard.show_points(shown, stamp)
 
     # the state
 
@@ -259,7 +269,10 @@ class Perception(HmapNode):
         except InputError as error:
             self.set_status(error.reason, DiagnosticStatus.WARN)
             return
-        self._state.publish(state_to_message(fusion.scene, state, time_to_message(time), velocity))
+        stamp = time_to_message(time)
+        self._state.publish(state_to_message(fusion.scene, state, stamp, velocity))
+        if self._standard is not None:
+            self._standard.show(fusion.scene, state, stamp)
         self.set_status("measuring", task=fusion.scene.task, seed=fusion.scene.seed)
 
     def _check_age(self, time: float, name: str = "") -> None:

@@ -27,12 +27,17 @@ TOPICS = [
     "new_object",
     "object_clouds",
     "plan",
+    "planned_path",
+    "planned_trajectory",
     "planner_status",
+    "points",
     "scene",
+    "scene_markers",
     "tf",
     "tf_static",
     "world_state",
     "vicon/.*",
+    ".*/robot_description",
 ]
 
 

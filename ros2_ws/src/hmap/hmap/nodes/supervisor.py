@@ -11,7 +11,6 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
-from visualization_msgs.msg import MarkerArray
 
 from hmap.conversions import known_object, plan_to_message
 from hmap.heartbeats import Heartbeat, runs_already
@@ -22,8 +21,8 @@ from hmap.remote_components import remote_components
 from hmap.requests import OFFERED_BY, Caller, time_limit
 from hmap.supervision.controllers import CONTROLLER_TIMEOUT, START_TOLERANCE, Controllers
 from hmap.supervision.gripper_position import DESCRIPTION, GAP, PARAMETER, GripperPosition
-from hmap.supervision.markers import markers_of
 from hmap.supervision.operator_controls import OperatorControls
+from hmap.supervision.plan_topics import PlanTopics
 from hmap.supervision.ports import ros_ports
 from hmap.supervision.scene_monitor import SceneMonitor
 from hmap_core import planner, transforms
@@ -37,7 +36,6 @@ from hmap_core.planner.interfaces import ToolGrasp
 from hmap_core.planner.repair import plan_anew, rehearse
 from hmap_core.types import Goal, Plan, Scene
 from hmap_msgs.action import Manipulate
-from hmap_msgs.msg import Plan as PlanMessage
 from hmap_msgs.msg import PlannerStatus
 from hmap_msgs.srv import LoadScene
 from hmap_msgs_py.checks import ConversionError
@@ -114,8 +112,7 @@ class Supervisor(HmapNode):
             replans, obstacle_replans, obstacle_patience, strict=False, keep_tools=keeps_tools
         )
         stale = self.parameter("stale_after", 2.0, "s of real time; an older world state is not used", 0.05, 3600.0)
-        self._plan_topic = self.create_publisher(PlanMessage, "plan", LATCHED)
-        self._markers = self.create_publisher(MarkerArray, "markers", LATCHED)
+        self._plans = PlanTopics(self, self._naming, FRAME)
         self._status_topic = self.create_publisher(PlannerStatus, "planner_status", LATCHED)
         text = "m, standard deviation of measured positions; bodies within four of it of a support stand on it"
         self._scene_monitor = SceneMonitor(self, stale, self.parameter("pose_noise", POSE_NOISE, text, 0.0, 0.1))
@@ -303,6 +300,7 @@ class Supervisor(HmapNode):
         except HmapError as error:
             if error.search is not None:
                 job.result.statistics = statistics_to_messages({"search": error.search})
+                self._plans.search_ended(error.search)
             raise
         if self._canceled(job):
             raise PlannerError("canceled", Code.CANCELED)
@@ -328,8 +326,7 @@ class Supervisor(HmapNode):
         stamp = self.get_clock().now().to_msg()
         job.result.plan = plan_to_message(plan, stamp)
         job.result.statistics = statistics_to_messages(plan.stats)
-        self._plan_topic.publish(job.result.plan)
-        self._markers.publish(markers_of(plan, stamp, FRAME))
+        self._plans.publish(plan, job.result.plan, stamp)
         return plan
 
     def _method(self, job: Job, clouds: dict[str, Cloud], attached: ToolGrasp | None) -> ManipulationPlanner:
@@ -342,6 +339,7 @@ class Supervisor(HmapNode):
     def _show_planning(self, job: Job, p: planner.Progress) -> None:
         phase = PlannerStatus.CHECKING if p.phase == PlannerStatus.DONE else p.phase  # planned, but not yet executed
         self._say(job, phase, p.text, p.waypoint, p.waypoints, p.attempt)
+        self._plans.searching(p.search)
 
     # execution
 

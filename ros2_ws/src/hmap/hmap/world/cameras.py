@@ -5,13 +5,13 @@ from builtin_interfaces.msg import Time
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
+from hmap.naming import OPTICAL_FRAME
 from hmap.node import LATCHED, HmapNode
 from hmap_core.simulation.camera import CameraImage, intrinsics
 from hmap_core.types import Camera
 from hmap_msgs.msg import InstanceNames
 from hmap_msgs_py.images import image_to_message
 
-OPTICAL_FRAME = "{camera}_color_optical_frame"
 DEPTH_UNIT = 0.001  # m, of 16UC1 depth images
 NO_DEPTH = 0
 TOPICS = {

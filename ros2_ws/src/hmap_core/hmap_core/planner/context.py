@@ -137,7 +137,7 @@ class SearchContext:
 
     def report(self, phase: str, waypoint: int = 0, waypoints: int = 0, attempt: int = 0, text: str = "") -> None:
         """Tell people what begins now. Raises PlannerError as :meth:`time_left`."""
-        self.on_progress(Progress(phase, waypoint, waypoints, attempt, text))
+        self.on_progress(Progress(phase, waypoint, waypoints, attempt, text, self.record.tree.root.to_dict))
         self.time_left()
 
     def contact_search(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -88,6 +89,8 @@ class Progress:
         phase: ``starting``, ``waypoints``, ``contacts``, ``motion``, ``checking``, ``done``.
         waypoint, waypoints: i of I, along the object's path; 0 of 0 before there is one.
         attempt: j, the try at this waypoint.
+        text: one line.
+        search: what was tried until now, as a tree (:mod:`hmap_core.planner.search_tree`); None where there is none.
     """
 
     phase: str
@@ -95,6 +98,7 @@ class Progress:
     waypoints: int = 0
     attempt: int = 0
     text: str = ""
+    search: Callable[[], dict[str, Any]] | None = None
 
 
 ProgressCallback = Callable[[Progress], None]

@@ -103,9 +103,11 @@ class Page:
             run = self._run
             if run is None:
                 return
-            if run.began is None or stamp < run.began or run.duration > LONGEST:
+            began = run.began
+            if began is None or stamp < began or run.duration > LONGEST:
+                began = stamp
                 run.restart(stamp)
-            run.add(stamp - run.began, state)
+            run.add(stamp - began, state)
             now = time.monotonic()
             if now - self._drawn > LIVE_PERIOD and self.server.get_clients():
                 self._drawn = now
