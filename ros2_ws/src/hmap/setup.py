@@ -14,7 +14,7 @@ NODES = (
     "dynamic_obstacles",
     "viewer",
 )
-COMMANDS = ("bag", "compare", "doctor", "evaluate", "run", "up")
+COMMANDS = ("bag", "cell", "compare", "doctor", "evaluate", "run", "up")
 
 setup(
     name=PACKAGE,

@@ -19,7 +19,9 @@ STAND_IN = "import sys, time; print(*sys.argv[1:], flush=True); time.sleep(600)"
 def graph(tmp_path, monkeypatch):
     """A graph whose nodes print their arguments and wait."""
     monkeypatch.setattr(
-        processes, "node_command", lambda name, assignments: [sys.executable, "-c", STAND_IN, name, *assignments]
+        processes,
+        "node_command",
+        lambda name, assignments, files=(): [sys.executable, "-c", STAND_IN, name, *assignments],
     )
     monkeypatch.setattr(processes, "END_TIMEOUT", 0.2)
     with Graph(tmp_path / "logs") as graph:

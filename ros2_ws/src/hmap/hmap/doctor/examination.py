@@ -2,7 +2,7 @@
 
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,7 @@ from hmap_msgs.msg import Scene as SceneMessage
 from hmap_msgs_py.checks import ConversionError
 
 DISCOVERY = 1.5  # s for the graph to be known
+NODES_LIMIT = 8.0  # s at most until a node that runs is known, on a busy machine
 STALE, POSE_FRAMES = 1.0, ["world", "vicon"]  # of perception, where it does not tell
 CAMERA = {
     "aligned_depth_to_color/image_raw": Image,
@@ -76,7 +77,7 @@ class Examination:
     def run(self) -> list[Finding]:
         """Look at everything; returns the findings, worst first."""
         time.sleep(DISCOVERY)
-        self._wait(lambda: not self._absent(Counter(self._view.nodes())))
+        self._wait(lambda: not self._absent(Counter(self._view.nodes())), NODES_LIMIT)
         self._nodes()
         told = self._told()
         scene_topic = self._view.watch("scene", SceneMessage)
@@ -85,7 +86,7 @@ class Examination:
         self._view.watch("/clock", Clock, self._note_clock)
         for topic in ("/tf_static", "/tf"):
             self._view.watch(topic, TFMessage, self._tf.add)
-        self._wait(lambda: scene_topic.messages > 0)
+        self._wait(lambda: scene_topic.messages > 0, self._seconds)
         scene = self._read_scene(scene_topic)
         names = {key: str(told.get(f"names.{key}", default)) for key, (default, _) in FORMATS.items()}
         poses, cameras = self._watch_scene(scene, names)
@@ -115,8 +116,8 @@ class Examination:
         velocities = list(message.velocity) + [0.0] * (len(message.name) - len(message.velocity))
         self._joints.update(zip(message.name, zip(message.position, velocities, strict=False), strict=False))
 
-    def _wait(self, done) -> None:
-        until = time.monotonic() + self._seconds
+    def _wait(self, done: Callable[[], bool], limit: float) -> None:
+        until = time.monotonic() + limit
         while not done() and time.monotonic() < until:
             time.sleep(0.05)
 

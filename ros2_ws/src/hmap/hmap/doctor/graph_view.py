@@ -113,13 +113,16 @@ class GraphView:
         try:
             if not client.wait_for_service(ANSWER):
                 return {}
-            future = client.call_async(GetParameters.Request(names=list(names)))
+            # one by one: a name that the node does not declare costs the values of all that are asked with it
+            asked = {name: client.call_async(GetParameters.Request(names=[name])) for name in names}
             until = time.monotonic() + ANSWER
-            while not future.done() and time.monotonic() < until:
+            while not all(future.done() for future in asked.values()) and time.monotonic() < until:
                 time.sleep(POLL)
-            answer = future.result() if future.done() else None
-            values = zip(names, answer.values if answer is not None else (), strict=False)
-            return {name: found for name, value in values if (found := _value(value)) is not None}
+            answers = {name: future.result() for name, future in asked.items() if future.done()}
+            values = {
+                name: answer.values[0] for name, answer in answers.items() if answer is not None and answer.values
+            }
+            return {name: found for name, value in values.items() if (found := _value(value)) is not None}
         finally:
             self.node.destroy_client(client)
 

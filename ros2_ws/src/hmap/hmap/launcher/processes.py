@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -37,6 +37,7 @@ class NodeProcess:
         name: of the node.
         parameters: name -> value, in addition to use_sim_time.
         log: file of its output.
+        files: with parameters.
         process: the running process.
         starts: number of starts.
         code: exit code of the last process; None while it runs.
@@ -45,6 +46,7 @@ class NodeProcess:
     name: str
     parameters: Mapping[str, object]
     log: Path
+    files: Sequence[Path] = ()
     process: subprocess.Popen | Spare | None = None
     starts: int = 0
     code: int | None = None
@@ -61,13 +63,14 @@ class NodeProcess:
         """
         self.starts += 1
         self.code = None
-        parameters = dict(self.parameters) | {"use_sim_time": self.name in USES_SIM_TIME}
+        parameters = dict(self.parameters)
+        parameters.setdefault("use_sim_time", self.name in USES_SIM_TIME)
         if self.name == "recorder" and "path" in parameters:
             parameters["path"] = self.bag(self.starts)
         if self.name == "supervisor":
             for name in ("service_patience", "state_patience"):
                 parameters.setdefault(name, RESPAWN_PATIENCE)
-        command = node_command(self.name, _assignments(parameters))
+        command = node_command(self.name, _assignments(parameters), self.files)
         if spare is not None:
             spare.run(self.name, command[NODE_ARGUMENTS:], self.log)
             self.process = spare
@@ -95,14 +98,16 @@ class NodeProcess:
         return "\n".join(self.log.read_text(errors="replace").splitlines()[-LOG_TAIL:])
 
 
-def node_command(name: str, assignments: list[str] | None = None) -> list[str]:
+def node_command(name: str, assignments: list[str] | None = None, files: Sequence[Path] = ()) -> list[str]:
     """The command line of a node.
 
     Args:
         name: of the node.
-        assignments: parameters as "name:=value".
+        assignments: parameters as "name:=value"; they win over those of files.
+        files: with parameters.
     """
-    arguments = [word for text in assignments or [] for word in ("-p", text)]
+    arguments = [word for file in files for word in ("--params-file", str(file))]
+    arguments += [word for text in assignments or [] for word in ("-p", text)]
     return [sys.executable, "-m", f"hmap.nodes.{name}", *(["--ros-args", *arguments] if arguments else [])]
 
 
@@ -132,9 +137,15 @@ class Graph:
     def __exit__(self, *_) -> None:
         self.end()
 
-    def start(self, name: str, parameters: Mapping[str, object] | None = None) -> None:
-        """Start a node."""
-        node = NodeProcess(name, parameters or {}, self.folder / f"{name}.log")
+    def start(self, name: str, parameters: Mapping[str, object] | None = None, files: Sequence[Path] = ()) -> None:
+        """Start a node.
+
+        Args:
+            name: of the node.
+            parameters: name -> value.
+            files: with further parameters.
+        """
+        node = NodeProcess(name, parameters or {}, self.folder / f"{name}.log", files)
         with self._lock:
             self.nodes[name] = node
             node.start(self._environment, self.spares.pop() if self.spares else None)
