@@ -73,6 +73,25 @@ def test_press_on_the_part_that_sticks_out_tips_the_object(urdf):
     assert check(plans.press(urdf, force=10.0, at=(-0.045, 0.0, TOP), table_end=0.17)).valid
 
 
+@pytest.mark.parametrize("follows", [True, False])
+def test_a_book_that_is_tilted_about_its_edge_is_not_pressed_on_its_support(urdf, follows):
+    """A finger on top tilts the object about its lower edge at the back; it slips where the hand does not follow."""
+    plan = plans.press(urdf, (0.0, 0.0), force=10.0)
+    time = np.arange(len(plan["trajectory"]["time"])) * plans.DT
+    tilt = np.interp(time, [1.0, 2.0, 3.0], [0.0, 0.1, 0.0])
+    half, poses = np.array([plans.PLATE[0] / 2, plans.PLATE[2] / 2]), np.array(plan["trajectory"]["objects"]["plate"])
+    poses[:, 0] = half[1] * np.sin(tilt) + half[0] * np.cos(tilt) - half[0]
+    poses[:, 2] = half[1] * np.cos(tilt) + half[0] * np.sin(tilt)
+    poses[:, 4], poses[:, 6] = -np.sin(tilt / 2), np.cos(tilt / 2)
+    plan["trajectory"]["objects"]["plate"] = poses.tolist()
+    if follows:
+        for k, q in enumerate(plan["trajectory"]["joints"]["gantry"]):
+            q[0] += poses[k, 0]
+            q[2] += poses[k, 2] - half[1]
+    found = plans.kinds(check(plan))
+    assert "press_lifted" in found and "slip" in found
+
+
 def test_fingers_that_lift_off_leave_the_object_behind(urdf):
     plan = plans.press(urdf)
     hold = [k for k, t in enumerate(plan["trajectory"]["time"]) if 1.6 < t < 2.4]

@@ -556,7 +556,7 @@ def test_contact_that_holds_only_at_the_samples(tmp_path):
 
 
 def test_every_kind_is_named_here():
-    names = ("rejects", "loads", "blind_spots", "shared", "presses")
+    names = ("rejects", "loads", "blind_spots", "shared", "presses", "turning")
     files = [__file__.replace("rejects", name) for name in names]
     text = "".join(open(file).read() for file in files)
     missing = [kind.name for kind in Kind if f"Kind.{kind.name}" not in text and f'"{kind}"' not in text]

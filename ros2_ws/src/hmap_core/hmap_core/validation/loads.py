@@ -8,7 +8,7 @@ difference of the centre of mass.
 
 import numpy as np
 
-from hmap_core.validation import limits, shared
+from hmap_core.validation import limits, shared, turning
 from hmap_core.validation.contacts import Contact
 from hmap_core.validation.report import Findings, Kind
 from hmap_core.validation.support import SupportFinder, center_of_mass, lowest_points
@@ -31,7 +31,9 @@ def check(world: World, contacts: list[Contact], finder: SupportFinder, findings
     for contact in grasps:
         lifted = _lifted(contact, finder)
         if lifted.any():
-            _check_held(contact, lifted, shared.shares(contact, grasps), findings)
+            share = shared.shares(contact, grasps)
+            _check_held(contact, lifted, share, findings)
+            turning.check(contact, lifted, share, findings)
         elif np.ptp(world.poses[contact.object][contact.window, :3], axis=0).max() > limits.LIFTED:
             _check_pushed(contact, findings)  # it is dragged
 

@@ -21,6 +21,7 @@ class Kind(StrEnum):
     CONTACT_MISSING = "contact_missing"
     GRASP_NOT_OPPOSED = "grasp_not_opposed"
     GRASP_AT_EDGE = "grasp_at_edge"
+    GRASP_TURNS = "grasp_turns"
     PUSH_NOT_ONE_SIDED = "push_not_one_sided"
     PUSH_TOPPLES = "push_topples"
     NOT_REMOVABLE = "not_removable"
