@@ -1,6 +1,7 @@
 """Object paths of bodies of many parts, among obstacles of many parts; and how far a search for a path goes."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,10 +10,13 @@ from many_parts_fixtures import parts, random_pose
 
 from hmap_core.benchmark.many_parts import window
 from hmap_core.collision.bvh import build_tree
+from hmap_core.collision.convex import convex_set
+from hmap_core.stability import mass
 from hmap_core.transforms import pose
 from hmap_core.types import Body, BodyKind, Shape, ShapeKind
-from hmap_core.waypoints import NoObjectPath, ObjectPathProblem, checker, plan_waypoints
+from hmap_core.waypoints import NoObjectPath, ObjectPathProblem, checker, clock, plan_waypoints
 from hmap_core.waypoints.checker import Geometry, ObjectChecker
+from hmap_core.waypoints.enclosure import enclosure, inner_ball
 
 FAR = pose((9, 9, 9))
 RESOLVED = 1e-3  # of the parameter; motions are at most 2 m, and checked to 0.4 mm
@@ -88,6 +92,69 @@ def test_a_search_among_many_parts_keeps_its_time_limit(limit):
         plan_waypoints(problem, np.random.default_rng(0), limit)
     assert time.process_time() - began < 1.1 * limit
     assert not error.value.proven and "lid" in error.value.blockers
+
+
+def tiles_and_comb(n, closed):
+    """A comb of about n boxes stands on n/2 tiles, before a wall of n/2 posts."""
+    side, posts = int(np.sqrt(n / 2)), n // 2
+    cells = (np.arange(side) + 0.5) * 2.0 / side - 1.0
+    cell = (2.001 / side, 2.001 / side, 0.05)
+    tiles = tuple(Shape(ShapeKind.BOX, cell, pose((x, y, -0.025))) for x in cells for y in cells)
+    rows = [y for y in np.linspace(-1, 1, posts) if closed or abs(y) >= 0.25]
+    wall = tuple(Shape(ShapeKind.BOX, (0.03, 2.4 / posts, 0.2), pose((0, y, 0.1))) for y in rows)
+    width = round(n ** (1 / 3))
+    teeth = (np.arange(width) + 0.5) * 0.2 / width - 0.1
+    tooth = (0.2 / width, 0.2 / width, 0.05 / width)
+    comb = tuple(Shape(ShapeKind.BOX, tooth, pose((x, y, z / 4))) for x in teeth for y in teeth for z in teeth)
+    body = Body("comb", BodyKind.MOVABLE, comb, pose((-0.5, 0.3, 0.025)), 1.0)
+    floor, fence = Body("floor", BodyKind.FIXED, tiles, pose()), Body("wall", BodyKind.MOVABLE, wall, pose(), 1.0)
+    return ObjectPathProblem(body, pose((-0.5, 0.3, 0.025)), pose((0.5, -0.3, 0.025)), (floor, fence))
+
+
+@pytest.mark.parametrize("removable", [False, True])
+@pytest.mark.parametrize("limit", [0.3, 1.0])
+def test_a_search_of_pushes_among_many_parts_keeps_its_time_limit(limit, removable):
+    """Its proofs, its checks of support, and what is looked at after the limit take no time beyond it."""
+    small = tiles_and_comb(60, closed=False)
+    plan_waypoints(small, np.random.default_rng(0), 60.0)  # all that is compiled is loaded from then on
+    problem = replace(tiles_and_comb(1000, closed=True), removable=frozenset({"wall"} if removable else ()))
+    began = time.process_time()
+    with pytest.raises(NoObjectPath):
+        plan_waypoints(problem, np.random.default_rng(0), limit)
+    assert time.process_time() - began < 1.1 * limit
+
+
+def test_a_path_among_many_parts_is_found_and_smoothed_well_within_its_time():
+    began = time.process_time()
+    path = plan_waypoints(tiles_and_comb(1000, closed=False), np.random.default_rng(0), 10.0)
+    assert len(path.poses) > 2 and time.process_time() - began < 2.0
+
+
+def test_a_search_that_has_no_time_says_so():
+    with pytest.raises(NoObjectPath, match="none was looked at; the search ended with its time limit of 1e-06 s"):
+        plan_waypoints(tiles_and_comb(60, closed=True), np.random.default_rng(0), 1e-6)
+
+
+def test_a_flood_ends_at_its_deadline():
+    problem = window(30, 200, 3, lid=True)
+    geometry = Geometry(problem)
+    began = time.process_time()
+    ends = problem.start, problem.goal
+    assert enclosure("bracket", geometry.body, geometry.obstacles, *ends, deadline=clock.now() - 1.0) is None
+    assert time.process_time() - began < 0.5
+
+
+def test_mass_and_largest_ball_of_many_boxes_are_those_of_each_hull(monkeypatch):
+    shapes = [*parts("body", 40, np.random.default_rng(1), 0.3).shapes, Shape(ShapeKind.CYLINDER, (0.05, 0.1), pose())]
+    own = convex_set(shapes)
+    centre = mass.centre_of_mass(own)
+    mass.centre_of_mass.cache_clear()
+    monkeypatch.setattr(mass, "MANY_SHAPES", np.inf)
+    assert centre == pytest.approx(mass.centre_of_mass(own), abs=1e-12)
+    each = [inner_ball(convex_set((shape,)))[1] for shape in shapes]
+    assert inner_ball(own)[1] == pytest.approx(max(each), abs=1e-9)
+    boxes = [(min(shape.size) / 2, radius) for shape, radius in zip(shapes, each, strict=True) if shape.kind == "box"]
+    assert all(radius == pytest.approx(expected, abs=1e-9) for expected, radius in boxes)
 
 
 def test_many_feet_on_many_tiles_stand_as_one_foot_on_one_tile(monkeypatch):

@@ -177,6 +177,8 @@ class World:
         self._bodies = {name: BodyMotion.of(poses) for name, poses in self.poses.items()}
         self.parts = [*self._robot_parts(), *self._body_parts()]
         self.tracks = {part: Track(part, self.state) for part in self.parts}
+        self._relative: dict[tuple, RelativeMotion] = {}
+        self._reaches: dict[tuple[str, str | None], float] = {}
         self._gauges: dict[tuple[Part, Part], Gauge] = {}
 
     def _poses(self, body: BodyData) -> np.ndarray:
@@ -255,12 +257,22 @@ class World:
         return self._bodies[part.holder] if part.link is None else self.link_motion(part)
 
     def relative_motion(self, frame: Part, part: Part) -> RelativeMotion:
-        """Bounds on the motion of all points of a part in the frame of the link or body of another part.
+        """Bounds on the motion of all points of a part's link or body in the frame of the link or body of another part.
 
         They are tight if both move together, as a link and the body that it carries do.
         """
-        poses = rigid.relative(*frame.place(self.state), *part.place(self.state))
-        return relative(self.motion(frame), self.motion(part), poses, part.reach)
+        key = frame.holder, frame.link, part.holder, part.link
+        if key not in self._relative:
+            poses = rigid.relative(*frame.place(self.state), *part.place(self.state))
+            self._relative[key] = relative(self.motion(frame), self.motion(part), poses, self._reach(part))
+        return self._relative[key]
+
+    def _reach(self, part: Part) -> float:
+        """Largest distance (m) of a point of a part's link or body from its frame."""
+        if (part.holder, part.link) not in self._reaches:
+            own = (other for other in self.parts if other.holder == part.holder and other.link == part.link)
+            self._reaches[part.holder, part.link] = max(other.reach for other in own)
+        return self._reaches[part.holder, part.link]
 
 
 def _rotations(poses: np.ndarray) -> np.ndarray:

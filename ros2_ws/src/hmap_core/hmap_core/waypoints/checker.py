@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from hmap_core.collision.bvh import Tree, build_tree
-from hmap_core.collision.convex import ConvexSet, hull_vertices
+from hmap_core.collision.convex import ConvexSet
 from hmap_core.exceptions import Code, InputError
 from hmap_core.komo.shapes import body_set
 from hmap_core.transforms import apply, inverse, multiply, pose, rotation_matrix
@@ -223,6 +223,10 @@ class ObjectChecker:
         """Move the deadline to a later one, in seconds of ``clock.now``."""
         self._geometry.deadline = max(self._geometry.deadline, deadline)
 
+    def end_by(self, deadline: float) -> None:
+        """Move the deadline to an earlier one, in seconds of ``clock.now``."""
+        self._geometry.deadline = min(self._geometry.deadline, deadline)
+
     @property
     def _shapes(self) -> tuple:
         return (*self._a, *self._b)
@@ -296,8 +300,11 @@ class ObjectChecker:
         return self.supported_along(T0, T1)
 
     def supported_along(self, T0: np.ndarray, T1: np.ndarray) -> bool:
-        """Whether the body stays on its support along the motion from T0 to T1 (7,); true if it needs none."""
-        return self.support is None or self.support.is_stable_along(T0, T1)
+        """Whether the body stays on its support along the motion from T0 to T1 (7,); true if it needs none.
+
+        After the deadline a body that needs support counts as falling.
+        """
+        return self.support is None or (not self.late and self.support.is_stable_along(T0, T1))
 
     def free_part(self, T0: np.ndarray, T1: np.ndarray) -> float:
         """Parameter in [0, 1] up to which the motion from T0 to T1 (7,) is free of collisions; ignores the support."""
@@ -328,7 +335,8 @@ class ObjectChecker:
 
 def body_middle(body: Body) -> np.ndarray:
     """Centre (3,) of the bounding box of the body's largest shape, in m, body frame. Motions turn about this point."""
-    hulls = [hull_vertices(shape) for shape in body.shapes]
+    own = body_set(body)
+    hulls = [(own.hull(k), own.radius[k]) for k in range(len(own))]
     largest = max(hulls, key=lambda hull: np.linalg.norm(np.ptp(hull[0], axis=0) + 2.0 * hull[1]))[0]
     middle = 0.5 * (largest.min(axis=0) + largest.max(axis=0))
     return middle if np.abs(middle).max() > SAME_PLACE else np.zeros(3)

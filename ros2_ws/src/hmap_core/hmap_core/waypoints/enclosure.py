@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from hmap_core.collision.convex import ConvexSet
 from hmap_core.transforms import IDENTITY, apply
-from hmap_core.waypoints import kernels
+from hmap_core.waypoints import clock, kernels
 from hmap_core.waypoints.checker import PENETRATION_ALLOWED, ObstacleShapes
 from hmap_core.waypoints.enclosure_kernels import ARRIVED, ENCLOSED, flood
 
@@ -36,20 +36,23 @@ class Enclosure:
     Attributes:
         body: name of the body.
         ball: m, diameter of a ball inside the body.
-        widest: m, diameter of the largest ball that gets from start to goal, to about a millimetre; 0 if none does.
+        widest: m, diameter of the largest ball that gets from start to goal, to about a millimetre; 0 if none does;
+            None if there was no time to find it.
         between: names of the bodies that bound its way where it is narrowest; without a way, those that are nearest to
             the enclosed end.
     """
 
     body: str
     ball: float
-    widest: float
+    widest: float | None
     between: tuple[str, ...]
 
     def __str__(self) -> str:
         names = " and ".join(f"'{name}'" for name in self.between)
         thick = f"'{self.body}' is {1e3 * self.ball:.0f} mm thick where it is thinnest"
         help = "list bodies that may be moved under `removable`"
+        if self.widest is None:
+            return f"{names} leave no gap that is wide enough; {help}, or widen the gap: {thick}"
         if self.widest <= 0.0:
             return f"{names} leave no gap; {help}, or leave a gap: {thick}"
         where = f"between {names}" if len(self.between) > 1 else f"past {names}"
@@ -57,7 +60,12 @@ class Enclosure:
 
 
 def enclosure(
-    name: str, body: ConvexSet, obstacles: ObstacleShapes, T_start: np.ndarray, T_goal: np.ndarray
+    name: str,
+    body: ConvexSet,
+    obstacles: ObstacleShapes,
+    T_start: np.ndarray,
+    T_goal: np.ndarray,
+    deadline: float = np.inf,
 ) -> Enclosure | None:
     """Look for the proof that no motion leads from one pose of a body to another one.
 
@@ -67,9 +75,10 @@ def enclosure(
         obstacles: everything around that does not move.
         T_start: (7,) T_world_body, free.
         T_goal: (7,) T_world_body, free.
+        deadline: when the search ends, in seconds of ``clock.now``.
 
     Returns:
-        The proof; None if the method does not decide, or if there may be a path.
+        The proof; None if the method does not decide in time, or if there may be a path.
     """
     centre, radius = inner_ball(body)
     least = radius - PENETRATION_ALLOWED - SLACK
@@ -78,43 +87,62 @@ def enclosure(
     start, goal = (apply(T, centre) for T in (T_start, T_goal))
     for cell, size in GRIDS:
         for here, there in ((start, goal), (goal, start)):
-            if _Grid(obstacles, here, there, least, cell, size).lead(least, OUTER * cell) == ENCLOSED:
-                return Enclosure(name, 2.0 * radius, *_widest(_Grid(obstacles, here, there, least, *GRIDS[-1]), least))
+            if clock.now() >= deadline:
+                return None
+            if _Grid(obstacles, here, there, least, cell, size, deadline).lead(least, OUTER * cell) == ENCLOSED:
+                fine = _Grid(obstacles, here, there, least, *GRIDS[-1], deadline)
+                return Enclosure(name, 2.0 * radius, *_widest(fine, least))
     return None
 
 
 def inner_ball(body: ConvexSet) -> tuple[np.ndarray, float]:
     """Centre (3,) in the body frame and radius, m, of the largest ball inside one of the shapes of a body."""
     best, middle = 0.0, np.zeros(3)
-    for k in range(len(body)):
-        centre, radius = _chebyshev(body.hull(k))
+    thickness = [float(np.ptp(body.hull(k), axis=0).min()) for k in range(len(body))]
+    largest = 0.5 * np.array(thickness) + body.radius
+    for k in np.argsort(-largest, kind="stable"):
+        if largest[k] <= best:
+            break
+        centre, radius = _chebyshev(body.hull(k), best - float(body.radius[k]))
         if radius + body.radius[k] > best:
             best, middle = radius + float(body.radius[k]), centre
     return middle, best
 
 
-def _chebyshev(hull: np.ndarray) -> tuple[np.ndarray, float]:
-    """Centre (3,) and radius of the largest ball inside the hull of points (n, 3); radius 0 for flat hulls."""
+def _chebyshev(hull: np.ndarray, above: float) -> tuple[np.ndarray, float]:
+    """Centre (3,) and radius of the largest ball inside the hull of points (n, 3); radius 0 for flat hulls.
+
+    A smaller ball may be returned where none is larger than ``above`` (m).
+    """
     try:
         planes = ConvexHull(hull).equations
     except (QhullError, ValueError):
         return hull.mean(axis=0), 0.0
+    centre = hull.mean(axis=0)  # of several balls the middle one
+    radius = float(-(planes[:, :3] @ centre + planes[:, 3]).max())
+    width = float(-(hull @ planes[:, :3].T + planes[:, 3]).min(axis=0).max())  # no ball is thicker
+    if 0.5 * width <= max(radius + SAME_RADIUS, above):
+        return centre, radius
     A = np.column_stack([planes[:, :3], np.ones(len(planes))])
     bounds = [(None, None)] * 3 + [(0.0, None)]
     found = scipy.optimize.linprog([0.0, 0.0, 0.0, -1.0], A_ub=A, b_ub=-planes[:, 3], bounds=bounds, method="highs")
-    centre = hull.mean(axis=0)  # of several balls the middle one
-    radius = float(-(planes[:, :3] @ centre + planes[:, 3]).max())
     if found.success and found.x[3] > radius + SAME_RADIUS:
         return found.x[:3], float(found.x[3])
     return centre, radius
 
 
-def _widest(grid: "_Grid", least: float) -> tuple[float, tuple[str, ...]]:
-    """Diameter in m of the widest way out of the enclosed end, and the bodies that bound it where it is narrowest."""
+def _widest(grid: "_Grid", least: float) -> tuple[float | None, tuple[str, ...]]:
+    """Diameter in m of the widest way out of the enclosed end, and the bodies that bound it where it is narrowest.
+
+    After the deadline the diameter is None, and the bodies are those that are nearest to the enclosed end.
+    """
     low, high, way = 0.0, least, None
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        if grid.lead(middle, 0.0) == ARRIVED:
+        result = grid.lead(middle, 0.0)
+        if grid.late:
+            return None, grid.nearest(grid.start, WALLS_NAMED)
+        if result == ARRIVED:
             low, way = middle, grid.way()
         else:
             high = middle
@@ -132,9 +160,11 @@ class _Grid:
         largest: m, the largest radius that is asked for.
         cell: edge of a cell, m.
         size: number of cells along each side.
+        deadline: when searches end, in seconds of ``clock.now``.
     """
 
-    def __init__(self, obstacles: ObstacleShapes, start, goal, largest: float, cell: float, size: int):
+    def __init__(self, obstacles: ObstacleShapes, start, goal, largest: float, cell: float, size: int, deadline: float):
+        self._deadline = deadline
         self.start = start
         self._obstacles, self.cell = obstacles, cell
         self._cap = largest + cell
@@ -145,11 +175,16 @@ class _Grid:
         self._came = np.zeros((size,) * 3, np.int8)
         self._last = self._first
 
+    @property
+    def late(self) -> bool:
+        """Whether the deadline is over."""
+        return clock.now() >= self._deadline
+
     def lead(self, radius: float, slack: float) -> int:
         """Lead a ball of a radius in m from the start to the goal or to the border: what ``flood`` says of it."""
         self._came[:] = 0
         grid = self.cell, self._origin, self._first, self._goal, self._free, self._came
-        result, self._last = flood(radius, slack, *grid, MAX_CELLS, self._obstacles.arrays, self._cap)
+        result, self._last = flood(radius, slack, *grid, MAX_CELLS, self._obstacles.arrays, self._cap, self._deadline)
         return result
 
     def way(self) -> np.ndarray:

@@ -5,13 +5,15 @@ import heapq
 import numpy as np
 from numba import njit
 
+from hmap_core.waypoints.clock import now
 from hmap_core.waypoints.kernels import distances
 
 ENCLOSED, ARRIVED, UNKNOWN = 0, 1, 2
+LOOK = 16  # clearances between two looks at the clock
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def flood(radius, slack, cell, origin, first, goal, free, came, most, shapes, cap):
+def flood(radius, slack, cell, origin, first, goal, free, came, most, shapes, cap, deadline):
     """Lead a ball from one cell of a cubic grid to another one, or to the border of the grid.
 
     The cells nearest to the goal are visited first.
@@ -27,9 +29,10 @@ def flood(radius, slack, cell, origin, first, goal, free, came, most, shapes, ca
         most: number of cells that are visited at most.
         shapes: vertices, start, radius, lower, upper of the obstacles, as in ``ObstacleShapes.arrays``.
         cap: m, clearances are computed up to this.
+        deadline: when the flood ends, in seconds of ``clock.now``.
 
     Returns:
-        ENCLOSED, ARRIVED, or UNKNOWN after ``most`` cells; and (3,) the last cell that was visited.
+        ENCLOSED, ARRIVED, or UNKNOWN after ``most`` cells or the deadline; and (3,) the last cell that was visited.
     """
     n = free.shape[0]
     VB, sB, radB, lower, upper = shapes
@@ -39,7 +42,7 @@ def flood(radius, slack, cell, origin, first, goal, free, came, most, shapes, ca
     at = first.copy()
     came[at[0], at[1], at[2]] = 7
     queue = [(0.0, (at[0] * n + at[1]) * n + at[2])]
-    visited = 1
+    visited, looked = 1, 0
     while len(queue) > 0:
         index = heapq.heappop(queue)[1]
         at[0], at[1], at[2] = index // (n * n), (index // n) % n, index % n
@@ -62,6 +65,9 @@ def flood(radius, slack, cell, origin, first, goal, free, came, most, shapes, ca
                 continue
             room = free[i, j, k]
             if np.isnan(room):
+                looked += 1
+                if looked % LOOK == 0 and now() >= deadline:
+                    return UNKNOWN, at
                 T[0], T[1], T[2] = origin[0] + cell * i, origin[1] + cell * j, origin[2] + cell * k
                 distances(T, point, sA, none, point, none, VB, sB, radB, lower, upper, cap, out)
                 room = out.min()

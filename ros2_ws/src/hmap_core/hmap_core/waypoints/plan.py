@@ -19,6 +19,8 @@ ROUNDS_AROUND_REMOVABLE = 2
 REMOVAL_SHARE = 0.25
 # share of the time limit that shortening a path, or naming what blocks, can take after it
 SHARE_AFTER = 0.03
+# share of the time limit that shortening a path can take, however early it was found; the rest is for those who use it
+SMOOTHING_SHARE = 0.3
 
 
 def plan_waypoints(
@@ -81,6 +83,7 @@ def _around_or_through(problem, search, needed, rng, budget: SearchBudget, make_
 
 def _finished(problem: ObjectPathProblem, found: Corners, rng, budget: SearchBudget) -> ObjectPath:
     checker, middle = found.checker, found.middle
+    checker.end_by(clock.now() + SMOOTHING_SHARE * budget.time_limit)
     checker.allow_until(_afterwards(budget))
     corners = smooth(checker, found.poses, rng)
     dense, where = resample(corners, chord_step(float(np.linalg.norm(middle))))
@@ -116,7 +119,8 @@ def _failure(
     straight = sorted(needed)
     frontier: list[str] = []
     leaves = ""
-    for checker in search.checkers or search.fresh_checkers():
+    checkers = search.checkers or ([] if budget.seconds <= 0.0 else search.fresh_checkers())
+    for checker in checkers:
         checker.allow_until(end)
         goal = planar_projection(central, central.goal) if checker.planar else central.goal
         straight += checker.hit_by(central.start, goal)
@@ -126,7 +130,7 @@ def _failure(
         frontier += [checker.owners[j] for j in stopped if checker.blocked[j] and not checker.contact[j]]
     straight = list(dict.fromkeys(straight))
     frontier = [name for name in dict.fromkeys(frontier) if name not in straight]
-    what = f"the straight way hits {_listed(straight) or 'nothing'}{leaves}"
+    what = f"the straight way hits {_listed(straight) or 'nothing'}{leaves}" if checkers else "none was looked at"
     what += f", the search ran into {_listed(frontier)}" if frontier else ""
     removal_note = ""
     if central.removable:

@@ -225,7 +225,7 @@ class ObjectSearch:
         if self._rounds == ROUNDS_BEFORE_PROOF:
             problem, geometry = self.problem, self._geometry
             self.enclosure = enclosure(
-                problem.body.name, geometry.body, geometry.obstacles, problem.start, problem.goal
+                problem.body.name, geometry.body, geometry.obstacles, problem.start, problem.goal, geometry.deadline
             )
         if self.infeasible:
             return None

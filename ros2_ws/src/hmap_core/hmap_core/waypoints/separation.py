@@ -53,12 +53,20 @@ def separated(checker: ObjectChecker, start: np.ndarray, goal: np.ndarray, bound
 
 
 def inner_radius(checker: ObjectChecker, T: np.ndarray) -> float:
-    """Radius in m of a level disc around the body's origin inside one of its shapes at pose T (7,); 0 without one."""
+    """Radius in m of a level disc around the body's origin inside one of its shapes at pose T (7,); 0 without one.
+
+    Shapes that come after the deadline are left out.
+    """
     R = rotation_matrix(T)
     best = 0.0
     for k in range(len(checker.body)):
+        hull = checker.body.hull(k)
+        if np.any(hull.min(axis=0) >= 0.0) or np.any(hull.max(axis=0) <= 0.0):
+            continue  # it does not contain the origin
+        if checker.late:
+            break
         try:
-            planes = ConvexHull(checker.body.hull(k) @ R.T).equations
+            planes = ConvexHull(hull @ R.T).equations
         except (QhullError, ValueError):
             continue
         level = np.linalg.norm(planes[:, :2], axis=1)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hmap_core.waypoints.checker import ObjectChecker
+from hmap_core.waypoints.checker import CLEARANCE_CAP, ObjectChecker
 from hmap_core.waypoints.kernels import between, length, lengths
 from hmap_core.waypoints.roadmap import NODE_COST
 
@@ -92,6 +92,8 @@ def relax(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
     the body passes it elsewhere. If this is not possible, the corner keeps only the minimum distance to the shape, or
     else the distance of start or goal.
     """
+    if checker.late:
+        return path
     path = path.copy()
     near = _near(checker, path)
     for k in range(1, len(path) - 1):
@@ -108,7 +110,7 @@ def relax(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
 
 def _near(checker: ObjectChecker, path: np.ndarray) -> list[np.ndarray]:
     """For each motion the shapes (SB,) that the body has touched since the start, or touches until the goal."""
-    touching = np.array([checker.distances(T) for T in path])
+    touching = np.maximum([checker.distances(T) for T in path], -CLEARANCE_CAP)  # finite after the deadline, too
     near = [np.zeros(touching.shape[1], bool) for _ in path[1:]]
     for own, order in (
         (checker.contact_at_end[0], range(len(near))),

@@ -22,7 +22,7 @@ _THIN = 1e-6
 # corners of the contact polygon that are collected before they are reduced to their hull
 _CONTACT = 640
 # pairs of a foot and a top from which on the check tries the outline of the feet first
-_MANY_PAIRS = 64
+_MANY_PAIRS = 8
 
 
 def _polygon(points: np.ndarray) -> np.ndarray:
