@@ -22,7 +22,7 @@ def centre_of_mass(body: ConvexSet) -> np.ndarray:
         sides = corners[:, [4, 2, 1]] - corners[:, :1]
         volumes = np.abs(np.linalg.det(sides))
         total, moment = float(volumes.sum()), volumes @ corners.mean(axis=1)
-    for k in np.flatnonzero(~boxes):
+    for k in np.flatnonzero(~boxes).tolist():
         hull, r = body.hull(k), body.radius[k]
         center, volume = (body.center[k], 4.0 / 3.0 * np.pi * body.bound[k] ** 3)
         if r == 0.0 and len(hull) > 3:
