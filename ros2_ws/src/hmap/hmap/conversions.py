@@ -16,11 +16,12 @@ from hmap_core.kinematics.arm import load_arm
 from hmap_core.scenes import scene_from_text, scene_to_text
 from hmap_core.scenes.fields import NAME_PATTERN
 from hmap_core.scenes.resources import resolve
-from hmap_core.transforms import multiply
+from hmap_core.transforms import apply, multiply
 from hmap_core.types import Body, BodyKind, Plan, Scene, SceneState, Shape, ShapeKind
 from hmap_msgs import msg
 from hmap_msgs_py import bodies, clouds, plans, world
 from hmap_msgs_py.checks import ConversionError, finite, frame
+from hmap_msgs_py.poses import pose_from_message
 
 SCENES_KEPT = 16  # number of cached scenes; every request of a plan has the same scene
 
@@ -235,6 +236,20 @@ def cloud_from_message(message: msg.ObjectCloud) -> Cloud | None:
     if normals is None:
         raise ConversionError(f"the cloud of {message.object!r} has no normals")
     return ReceivedCloud(points.astype(float), normals.astype(float), np.ones(len(points), bool), message)
+
+
+def clouds_in_world(message: msg.ObjectClouds) -> dict[str, np.ndarray]:
+    """The visible points (N, 3) of each object, world frame, m.
+
+    Raises:
+        ConversionError: a pose or a cloud is malformed.
+    """
+    found = {}
+    for each in message.clouds:
+        cloud = cloud_from_message(each)
+        if cloud is not None:
+            found[each.object] = apply(pose_from_message(each.pose, f"pose of {each.object!r}"), cloud.points)
+    return found
 
 
 def plan_to_message(plan: Plan, stamp: Time | None = None) -> msg.Plan:

@@ -3,14 +3,14 @@
 from pathlib import Path
 
 from hmap.bags.reader import Bag, Message, open_bag
-from hmap.conversions import plan_from_message, scene_from_message, state_from_message
+from hmap.conversions import clouds_in_world, plan_from_message, scene_from_message, state_from_message
 from hmap_core.exceptions import HmapError, InputError
 from hmap_core.types import Scene
 from hmap_core.viewer.recording import Recording
 from hmap_msgs_py.checks import ConversionError
 from hmap_msgs_py.times import seconds_from_message
 
-TOPICS = ("scene", "world_state", "plan", "planner_status")
+TOPICS = ("scene", "world_state", "plan", "planner_status", "object_clouds")
 BAG = "bag"  # the folder of the bag in that of a run
 PERIOD = 0.04  # s between two states that are kept
 
@@ -68,6 +68,8 @@ def _add(recording: Recording | None, name: str, message: Message) -> Recording 
         search = plan.stats.get("search")
         if isinstance(search, dict):
             recording.searches.append((recording.duration, search))
+    elif topic == "object_clouds":
+        recording.clouds.append((recording.duration, clouds_in_world(data)))
     else:
         recording.captions.append((recording.duration, f"{data.phase}: {data.text}"))
     return recording

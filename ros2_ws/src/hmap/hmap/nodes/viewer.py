@@ -3,17 +3,15 @@
 import json
 import sys
 
-import numpy as np
 from action_msgs.srv import CancelGoal
 from std_msgs.msg import String
 
-from hmap.conversions import cloud_from_message, plan_from_message, scene_from_message, state_from_message
+from hmap.conversions import clouds_in_world, plan_from_message, scene_from_message, state_from_message
 from hmap.node import LATCHED, HmapNode, run
 from hmap.operator_client import OperatorClient
 from hmap.session import Session
 from hmap_core.exceptions import Code, InputError, PlannerError
 from hmap_core.scenes.tasks import list_tasks
-from hmap_core.transforms import apply
 from hmap_core.types import Scene
 from hmap_core.viewer.page import Page
 from hmap_core.viewer.server import LOCALHOST, PORT, address, open_server
@@ -21,7 +19,6 @@ from hmap_msgs.msg import ObjectClouds, PlannerStatus, WorldState
 from hmap_msgs.msg import Plan as PlanMessage
 from hmap_msgs.msg import Scene as SceneMessage
 from hmap_msgs_py.checks import ConversionError
-from hmap_msgs_py.poses import pose_from_message
 from hmap_msgs_py.times import seconds_from_message
 
 REFRESH = 0.5  # s between two looks at who offers what
@@ -83,12 +80,7 @@ class Viewer(HmapNode):
         )
 
     def _take_clouds(self, message: ObjectClouds) -> None:
-        clouds: dict[str, np.ndarray] = {}
-        for each in message.clouds:
-            cloud = cloud_from_message(each)
-            if cloud is not None:
-                clouds[each.object] = apply(pose_from_message(each.pose, f"pose of {each.object!r}"), cloud.points)
-        self._page.set_clouds(clouds)
+        self._page.set_clouds(clouds_in_world(message))
 
     def _take_search(self, message: String) -> None:
         search = json.loads(message.data)

@@ -1,14 +1,14 @@
 """One recording on the page: its scene, and the plan that is followed. Two columns stand side by side."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 import viser
 
 from hmap_core.transforms import IDENTITY
-from hmap_core.types import BodyKind, Plan, Scene, SceneState
+from hmap_core.types import BodyKind, Plan, Scene
 from hmap_core.viewer.plan_drawing import PlanDrawing
-from hmap_core.viewer.recording import Recording
+from hmap_core.viewer.recording import Clouds, Recording
 from hmap_core.viewer.scene_drawing import SceneDrawing
 
 GAP = 0.4  # m between two columns
@@ -31,7 +31,7 @@ class Column:
         self._plan_drawing: PlanDrawing | None = None
         self._offset = IDENTITY
         self._visible: dict[str, bool] = {}
-        self._clouds: Mapping[str, np.ndarray] = {}
+        self._clouds: Clouds | None = None
 
     @property
     def plan(self) -> Plan | None:
@@ -45,17 +45,16 @@ class Column:
 
     def show(self, recording: Recording, t: float) -> None:
         """Draw a recording at a time (s)."""
-        self.show_scene(recording.scene, recording.state(t), recording.plan(t))
-
-    def show_scene(self, scene: Scene, state: SceneState, plan: Plan | None) -> None:
-        """Draw a scene in a state, and a plan in it."""
+        scene, state, plan, clouds = recording.scene, recording.state(t), recording.plan(t), recording.cloud(t)
         with self._server.atomic():
             if self._drawing is None or self._drawing.scene is not scene:
                 self.clear()
                 self._drawing = SceneDrawing(self._api, self._name, scene)
                 self._drawing.root.place(self._offset)
-                self._drawing.show_clouds(self._clouds)
             self._drawing.show(state)
+            if clouds is not self._clouds:
+                self._clouds = clouds
+                self._drawing.show_clouds(clouds)
             if plan is not self._plan:
                 if self._plan_drawing is not None:
                     self._plan_drawing.remove()
@@ -64,12 +63,6 @@ class Column:
                     None if plan is None else PlanDrawing(self._api, f"{self._name}/plan", plan, self._on_text)
                 )
             self._apply_visible()
-
-    def show_clouds(self, clouds: Mapping[str, np.ndarray]) -> None:
-        """Draw what cameras see: object -> points (N, 3), world frame, m."""
-        self._clouds = clouds
-        if self._drawing is not None:
-            self._drawing.show_clouds(clouds)
 
     def set_visible(self, layer: str, visible: bool) -> None:
         """Show or hide a layer of the scene or of the plan, now and later."""
@@ -86,7 +79,7 @@ class Column:
         """Remove everything."""
         if self._drawing is not None:
             self._drawing.remove()
-        self._drawing = self._plan_drawing = self._plan = None
+        self._drawing = self._plan_drawing = self._plan = self._clouds = None
 
     def _apply_visible(self) -> None:
         for drawing in (self._drawing, self._plan_drawing):

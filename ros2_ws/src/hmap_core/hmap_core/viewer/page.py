@@ -90,7 +90,6 @@ class Page:
                 run.scene = scene
             else:
                 self._run = Recording(RUN, scene)
-                self.set_clouds({})
                 if self._commands is not None:
                     if scene.task not in self._task.options:
                         self._task.options = [scene.task, *self._task.options]
@@ -130,7 +129,10 @@ class Page:
 
     def set_clouds(self, clouds: Mapping[str, np.ndarray]) -> None:
         """What the cameras see: object -> points (N, 3), world frame, m."""
-        self.playback.left.show_clouds(clouds)
+        with self._lock:
+            if self._run is not None:
+                self._run.clouds.append((self._run.duration, clouds))
+                self.playback.redraw()
 
     def set_status(self, phase: str, text: str, waypoint: int = 0, waypoints: int = 0, attempt: int = 0) -> None:
         """The graph is in a phase of a goal."""

@@ -1,7 +1,7 @@
 """Something that can be played: a plan, a run while it goes on, or a recorded bag."""
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,6 +11,8 @@ from hmap_core.trajectory.samples import state_at
 from hmap_core.transforms import interpolate
 from hmap_core.types import Plan, Scene, SceneState
 from hmap_core.viz.captions import caption
+
+Clouds = Mapping[str, np.ndarray]
 
 
 @dataclass
@@ -25,6 +27,7 @@ class Recording:
         captions: what is going on from a time (s) on, in the order of time.
         plans: the plan that is followed from a time (s) on, in the order of time.
         searches: what was tried for a plan, told at a time (s), in the order of time.
+        clouds: what cameras see from a time (s) on: object -> points (N, 3), world frame, m; in the order of time.
         began: s, stamp of the first state; None before there is one, or where there are no stamps.
     """
 
@@ -35,6 +38,7 @@ class Recording:
     captions: list[tuple[float, str]] = field(default_factory=list)
     plans: list[tuple[float, Plan]] = field(default_factory=list)
     searches: list[tuple[float, dict[str, Any]]] = field(default_factory=list)
+    clouds: list[tuple[float, Clouds]] = field(default_factory=list)
     began: float | None = None
 
     @property
@@ -49,6 +53,7 @@ class Recording:
             entries.clear()
         self.plans = [(0.0, plan) for _, plan in self.plans[-1:]]
         self.searches = [(0.0, search) for _, search in self.searches[-1:]]
+        self.clouds = [(0.0, clouds) for _, clouds in self.clouds[-1:]]
 
     def add(self, time: float, state: SceneState) -> None:
         """Add a newer state; one that is not newer than the last one is left out."""
@@ -74,6 +79,10 @@ class Recording:
     def caption(self, t: float) -> str:
         """What is going on at a time (s)."""
         return newest(self.captions, t) or ""
+
+    def cloud(self, t: float) -> Clouds:
+        """What cameras see at a time (s)."""
+        return newest(self.clouds, t) or {}
 
     def plan(self, t: float) -> Plan | None:
         """The plan that is followed at a time (s), or the first one before that."""
