@@ -28,6 +28,7 @@ def solve(
     progress: ProgressCallback | None,
     cancel: Cancel | None,
     components: PlannerComponents | None = None,
+    removals_first: bool = True,
 ) -> Plan:
     """Plan a task by a method, again and again until the judge accepts a plan.
 
@@ -35,6 +36,7 @@ def solve(
         method: finds a solution of the task, another one at each call.
         scene, state, seed, time_limit, progress, cancel: of :meth:`ManipulationPlanner.plan`.
         components: hmap's parts that the method uses.
+        removals_first: the removable bodies whose removal pose the task gives are moved there first, by the method.
 
     Raises:
         PlannerError: TIME_LIMIT or CANCELED; PLAN_REJECTED, the judge accepted none of the plans within the time.
@@ -45,7 +47,7 @@ def solve(
     try:
         goal = job.checked_goal()
         while True:
-            plan = job.accepted(_in_order(method, job.context, goal))
+            plan = job.accepted(_in_order(method, job.context, goal, removals_first))
             if plan is not None:
                 return plan
             job.context.time_left()
@@ -56,9 +58,11 @@ def solve(
         raise
 
 
-def _in_order(method: Method, context: SearchContext, goal: Goal) -> Solution:
+def _in_order(method: Method, context: SearchContext, goal: Goal, removals_first: bool) -> Solution:
     """The removable bodies whose removal pose the task gives, one after the other; then the object."""
     sequence, waypoints = SolutionSequence(context.start), np.zeros((0, 7))
+    if not removals_first:
+        return method(context, goal)
     removals = [Goal(name, T) for name, T in context.scene.removable.items() if T is not None and name != goal.object]
     for own in (*removals, goal):
         scene = context.scene if own is goal else replace(context.scene, motion="auto", goal=own)

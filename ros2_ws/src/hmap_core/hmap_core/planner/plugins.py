@@ -48,6 +48,7 @@ _BUILT_IN = {
         "rai_komo": "hmap_core.benchmark.rai_planner:RaiKomo",
         "rai_lgp_star": "hmap_core.benchmark.rai_planner:RaiLgpStar",
         "cmgmp": "hmap_core.baselines.cmgmp:CmgmpPlanner",
+        "lgp": "hmap_core.baselines.lgp:LgpPlanner",
     },
 }
 _registered: dict[str, dict[str, "Plugin"]] = {group: {} for group in KINDS}
