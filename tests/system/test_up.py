@@ -97,6 +97,7 @@ def test_progress_names_the_phases(run):
     _, done = run
     for phase in ("starting", "up", "waypoints", "contacts", "motion", "execution"):
         assert f"] {phase}" in done.stderr
+    assert "] page: http://127.0.0.1:" in done.stderr
 
 
 @pytest.mark.slow

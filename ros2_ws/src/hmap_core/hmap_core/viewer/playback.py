@@ -44,6 +44,8 @@ class Playback:
             self._follow: Any = gui.add_checkbox("Follow the newest", True, hint="of a run that goes on")
             self._beside: Any = gui.add_dropdown("Beside it", [NOTHING], hint="a second plan or run at the same time")
         self._playing = False
+        self._watched = False  # whether a browser was there yet; before, nothing is drawn
+        server.on_client_connect(lambda _: self._begin())
         self._choice.on_update(lambda _: self._chosen())
         self._beside.on_update(lambda _: self._chosen())
         self._slider.on_update(lambda event: self._moved(by_user=event.client is not None))
@@ -99,7 +101,7 @@ class Playback:
         """Draw what is shown again."""
         with self._lock:
             recording, beside = self.recording, self.recordings.get(self._beside.value)
-            if recording is None:
+            if recording is None or not self._watched:
                 return
             t = self.time
             self.left.show(recording, t)
@@ -118,6 +120,13 @@ class Playback:
         with self._lock:
             self.left.set_visible(layer, visible)
             self.right.set_visible(layer, visible)
+
+    def _begin(self) -> None:
+        """A browser has come."""
+        with self._lock:
+            first, self._watched = not self._watched, True
+            if first:
+                self.redraw()
 
     def _chosen(self) -> None:
         with self._lock:
