@@ -63,8 +63,8 @@ class Holds:
 
     Attributes:
         features: (N, F).
-        serves: (N,) whether some contact serves at least LITTLE poses, or the whole path.
-        share: (N,) of the path that the best contact serves.
+        serves: (N,) whether the arm, with some contact, serves at least FIRST_PLACE poses, or the whole path.
+        share: (N,) of the path that the rigid hand serves with the best contact.
         place: (N,) which scene, robot and pose of the path: manipulators of the same place are compared.
         tool: (N,) whether a tool is held.
         family: (N,).
@@ -111,11 +111,11 @@ def load_contacts(folder: Path, split: str, families: tuple[str, ...] | None = N
 def load_holds(folder: Path, split: str, families: tuple[str, ...] | None = None) -> Holds:
     """The manipulators of a split; raises as :func:`load_contacts`."""
     paths = shards(folder, "queries", split)
-    names = ("scene", "start", "family", "robot", "tool", "on_tool", "contacts", "best_bound", "features")
+    names = ("scene", "start", "family", "robot", "tool", "on_tool", "contacts", "best_bound", "best_reach", "features")
     rows = columns(paths, names)
     lengths = np.concatenate([pc.list_value_length(read(p, ["object_poses"]).column(0)).to_numpy() for p in paths])
     last = np.maximum(lengths // 7 - 1, 1)
-    serves = rows["best_bound"] >= np.minimum(FIRST_PLACE, last)
+    serves = rows["best_reach"] >= np.minimum(FIRST_PLACE, last)
     share = np.maximum(rows["best_bound"], 0) / last
     robots = np.unique(rows["robot"].astype(str), return_inverse=True)[1]
     place = (rows["scene"].astype(np.int64) * 8 + robots) * 4096 + rows["start"]

@@ -20,7 +20,6 @@ from hmap_core.planner.sampled_contacts import SampledContacts
 from hmap_core.planner.tools import attach_tool
 from hmap_core.types import Robot, Scene, SceneState, TaskMode
 
-POINTS = 200  # of the object's surface on which candidates are generated; the sampler uses 600
 CHECKS = 96  # contacts that are proposed at least: checking them costs less than generating them
 SURE = 1.0  # what is expected of a robot or a task about which nothing was learned
 
@@ -28,7 +27,7 @@ SURE = 1.0  # what is expected of a robot or a task about which nothing was lear
 class LearnedContacts:
     """Implements :class:`~hmap_core.planner.protocols.ContactProposer` and ``ManipulatorRanker``.
 
-    Candidates on a part of the surface are scored by the model; the best are proposed. There are at least as many as
+    The first contacts of the sampler are scored by the model; the best are proposed. There are at least as many as
     the model asks for, so that one of them is feasible in 95 % of the queries in which any is. Sampled contacts follow
     as fallback.
 
@@ -43,7 +42,7 @@ class LearnedContacts:
 
     def __init__(self, weights: str = ""):
         self._model: ContactModel = load_model(Path(weights).absolute() if weights else SHIPPED)
-        self._candidates = SampledContacts(points=POINTS)
+        self._candidates = SampledContacts()
         self._boxes: tuple[tuple, Boxes] | None = None
 
     def propose(self, query: ContactQuery) -> Iterator[ContactProposals]:

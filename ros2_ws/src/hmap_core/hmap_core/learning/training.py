@@ -30,11 +30,12 @@ class TrainingConfig:
     seed: int = 0
     hidden: tuple[int, ...] = (96, 64)
     hold_hidden: tuple[int, ...] = (64, 32)
-    epochs: int = 12
-    hold_epochs: int = 120
+    epochs: int = 8
+    hold_epochs: int = 40
     batch: int = 2048
+    hold_batch: int = 128
     rate: float = 0.002
-    decay: float = 0.01
+    decay: float = 0.05
     without: tuple[str, ...] = ()
 
     @staticmethod
@@ -122,17 +123,18 @@ def train(
     """
     torch.manual_seed(config.seed)
     torch.use_deterministic_algorithms(True)
+    torch.set_num_threads(1)  # the networks are so small that threads only wait for each other
     contacts, holds = load_contacts(folder, "train", config.families), load_holds(folder, "train", config.families)
     ends = time.monotonic() + time_limit
     state = _Checkpoint(checkpoint, config)
     report = on_epoch or (lambda *a: None)
     own = _fit(
         CONTACT, contacts.features, _contact_loss(contacts), family_weights(contacts.family), config.hidden, 3,
-        config.epochs, config, state, report, ends,
+        config.epochs, config.batch, config, state, report, ends,
     )  # fmt: skip
     held = _fit(
         HOLD, holds.features, _hold_loss(holds), family_weights(holds.family), config.hold_hidden, 2,
-        config.hold_epochs, config, state, report, ends + 0.3 * min(time_limit, 1e6),
+        config.hold_epochs, config.hold_batch, config, state, report, ends + 0.3 * min(time_limit, 1e6),
     )  # fmt: skip
     tensors = own | held
     about: dict[str, Any] = {"config": asdict(config), "robots": sorted(set(ARMS))}
@@ -181,7 +183,7 @@ def _hold_loss(holds: Holds) -> tuple[np.ndarray, Callable]:
 
 def _fit(
     name: str, rows: np.ndarray, target: tuple[np.ndarray, Callable], weight: np.ndarray, hidden: tuple[int, ...],
-    outputs: int, epochs: int, config: TrainingConfig, state: "_Checkpoint", report: OnEpoch, ends: float,
+    outputs: int, epochs: int, batch: int, config: TrainingConfig, state: "_Checkpoint", report: OnEpoch, ends: float,
 ) -> dict[str, np.ndarray]:  # fmt: skip
     """Train one network; its tensors."""
     if not len(rows):
@@ -196,13 +198,13 @@ def _fit(
         layers += [nn.Linear(a, b), nn.ReLU()]
     net = nn.Sequential(*layers[:-1])
     optimiser = torch.optim.AdamW(net.parameters(), config.rate, weight_decay=config.decay)
-    per_epoch = (len(x) + config.batch - 1) // config.batch
+    per_epoch = (len(x) + batch - 1) // batch
     cycle = torch.optim.lr_scheduler.OneCycleLR(optimiser, config.rate, total_steps=epochs * per_epoch)
     begun = state.restore(name, net, optimiser, cycle)
     for epoch in range(begun, epochs):
         order = torch.from_numpy(np.random.default_rng((config.seed, epoch)).permutation(len(x)))
         total = 0.0
-        for part in order.split(config.batch):
+        for part in order.split(batch):
             optimiser.zero_grad()
             value = (w[part] * loss(net(x[part]), y[part])).mean()
             value.backward()

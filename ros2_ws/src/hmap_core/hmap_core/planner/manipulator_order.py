@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from hmap_core.planner.strategies import CONTACT_STRATEGIES, TOOL_FIRST
+from hmap_core.planner.strategies import ATTACHED_FIRST, CONTACT_STRATEGIES, TOOL_FIRST
 from hmap_core.planner.strategies.base import Strategy
 from hmap_core.planner.tasks import WaypointTask
 from hmap_core.planner.tools import tools_of, with_tool_placed
 
-UNLIKELY = 0.1  # probability that a hand serves more than a few poses, below which tools are tried first
+UNLIKELY = 0.2  # probability that a hand serves more than a few poses, below which tools are tried first
 
 
 def contact_strategies(task: WaypointTask) -> tuple[Strategy, ...]:
@@ -17,4 +17,8 @@ def contact_strategies(task: WaypointTask) -> tuple[Strategy, ...]:
         return CONTACT_STRATEGIES
     state = with_tool_placed(task.sequence.state, task.sequence.tool_grasp)
     expected = ranker.hand_serves(scene, state, task.object, task.ahead, tuple(scene.robots))
-    return TOOL_FIRST if len(expected) and float(np.max(expected)) < UNLIKELY else CONTACT_STRATEGIES
+    likely, grasp = float(np.max(expected, initial=0.0)), task.sequence.tool_grasp
+    if grasp is not None:
+        held, _ = ranker.hold_serves(scene, task.sequence.state, task.object, task.ahead, (grasp,))
+        return ATTACHED_FIRST if held[0] > likely else CONTACT_STRATEGIES
+    return TOOL_FIRST if likely < UNLIKELY else CONTACT_STRATEGIES

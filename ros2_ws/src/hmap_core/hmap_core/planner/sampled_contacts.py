@@ -38,13 +38,12 @@ class SampledContacts:
 
     Args:
         uniform: contacts come in a random order instead, as a data set needs them.
-        points: how many of the surface's points are used, drawn at random; None: all of them.
     """
 
     name = "sampled"
 
-    def __init__(self, uniform: bool = False, points: int | None = None):
-        self._uniform, self._points = uniform, points
+    def __init__(self, uniform: bool = False):
+        self._uniform = uniform
 
     def propose(self, query: ContactQuery) -> Iterator[ContactProposals]:
         """Yield batches of at most BATCH contacts, MAX_CONTACTS from each source."""
@@ -52,8 +51,6 @@ class SampledContacts:
         surface = query.surface
         if surface is None:
             surface = sampled_surface(scene, query.state, query.object, poses[0], query.rng)
-        if self._points is not None and len(surface) > self._points:
-            surface = surface[query.rng.permutation(len(surface))[: self._points]]
         hand = hand_of(placed)
         room = ACCESS if hand.gripper is None else hand.gripper.pad_half_width
         near = box_of(scene.bodies[query.object], poses[0]) + (room + SKIN) * np.array([[-1.0], [1.0]])

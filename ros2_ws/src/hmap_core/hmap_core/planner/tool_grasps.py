@@ -17,6 +17,7 @@ TRIED = 16  # grasps on a tool for which inverse kinematics is solved
 KEPT = 8  # of them, per robot
 RANKED_FIRST = 3  # of these; the others are ranked only if the best of the first is good
 LOOKED_AT = 2  # of the best that a ranker names
+CERTAIN = 0.5  # probability times share of the path, from which on no contact is generated to compare grasps
 SHARE_OF_BEST = 0.5  # reach, as a share of the best, from which on a tool and robot count as good
 
 
@@ -92,11 +93,15 @@ class ToolGraspSearch:
 
         if self._ranker is not None:
             every = [grasp for some in grasps for grasp in some]
-            likely = self._likely(scene, state, object, object_poses, every)
+            likely, expected = self._likely(scene, state, object, object_poses, every)
+            if likely and expected >= CERTAIN:
+                return [(grasp, least) for grasp in likely]
             for grasp in likely[:LOOKED_AT]:
-                rank([grasp])
+                if rank([grasp]) == len(object_poses) - 1:
+                    break
             if ranked:
-                others = [(grasp, least) for grasp in likely[LOOKED_AT:]]
+                seen = {id(grasp) for grasp, _, _ in ranked}
+                others = [(grasp, least) for grasp in likely if id(grasp) not in seen]
                 return [(grasp, bound) for grasp, bound, _ in sorted(ranked, key=_by_reach)] + others
         first = [rank(some[:RANKED_FIRST]) for some in grasps]
         good = SHARE_OF_BEST * max(first, default=0) if ranked else -1.0
@@ -107,12 +112,13 @@ class ToolGraspSearch:
 
     def _likely(
         self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, grasps: list[ToolGrasp]
-    ) -> list[ToolGrasp]:
-        """The grasps in the order of how far the ranker expects them to serve."""
+    ) -> tuple[list[ToolGrasp], float]:
+        """The grasps in the order of how far the ranker expects them to serve, and what it expects of the first."""
         if self._ranker is None or not grasps:
-            return grasps
+            return grasps, 0.0
         p, share = self._ranker.hold_serves(scene, state, object, object_poses, grasps)
-        return [grasps[k] for k in np.argsort(-p * share, kind="stable")]
+        order = np.argsort(-p * share, kind="stable")
+        return [grasps[k] for k in order], float((p * share)[order[0]])
 
     def holds(self, scene: Scene, state: SceneState, tool: str, robot: str, rng) -> list[RobotContact]:
         """Grasps in which a robot can pick a tool where it stands, far from each other."""

@@ -37,7 +37,8 @@ PATH_STRATEGIES = (
 )
 # at one waypoint, with all bodies where they are; they solve the relaxed problem, too. LAST_STRATEGIES follow.
 CONTACT_STRATEGIES = (ByHandToTheEnd(), AttachedToolStrategy(), ByHand(), NewTool(), ByHandWhereverItReaches())
-# as above, where a hand is expected to serve little and a tool much: what a hand does is tried last
-TOOL_FIRST = (AttachedToolStrategy(), NewTool(), ByHandToTheEnd(), ByHand(), ByHandWhereverItReaches())
+# as above, where hands are expected to serve little: with free hands, and with a tool attached
+TOOL_FIRST = (NewTool(), ByHand(), ByHandWhereverItReaches())
+ATTACHED_FIRST = (AttachedToolStrategy(), ByHandToTheEnd(), ByHand(), NewTool(), ByHandWhereverItReaches())
 # at one waypoint, after those for contacts
 LAST_STRATEGIES = (RemoveObstacles(),)

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
 LITTLE = 8  # poses of the path; where there are tools, contacts by hand that serve for fewer come last
 SAMPLINGS = 3  # of contacts by hand before tools are considered, which takes ten times as long
+RANKED_SAMPLINGS = 1  # where a ranker says which tool to look at, it takes about as long
 
 
 class ByHandToTheEnd:
@@ -37,10 +38,11 @@ class ByHand:
         return True
 
     def solve(self, search: "Search", task: WaypointTask) -> Outcome:
-        """Try contacts; where there are tools, sample them SAMPLINGS times first."""
+        """Try contacts; where there are tools, sample them SAMPLINGS times first, or once if a ranker orders tools."""
         if not tools_of(task.context.scene, task.object):
             return search.try_contacts(task)
-        return search.try_contacts(task, min_reach=min(LITTLE, len(task.ahead) - 1), samplings=SAMPLINGS)
+        samplings = SAMPLINGS if task.context.components.ranker is None else RANKED_SAMPLINGS
+        return search.try_contacts(task, min_reach=min(LITTLE, len(task.ahead) - 1), samplings=samplings)
 
 
 class ByHandWhereverItReaches:

@@ -1,0 +1,92 @@
+"""What a ranker changes in the planner: the order in which hands, tools and holds are tried, and nothing else."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from hmap_core import planner
+from hmap_core.planner.components import local_components
+from hmap_core.planner.manipulator_order import contact_strategies
+from hmap_core.planner.sampled_contacts import SampledContacts
+from hmap_core.planner.strategies import ATTACHED_FIRST, CONTACT_STRATEGIES, TOOL_FIRST
+from hmap_core.scenes import load_scene
+
+
+class Ranker:
+    """Expects what it is told."""
+
+    name = "told"
+
+    def __init__(self, hand=1.0, hold=1.0):
+        self.hand, self.hold, self.asked = hand, hold, 0
+
+    def propose(self, query):
+        return iter(())
+
+    def hand_serves(self, scene, state, object, object_poses, robots):
+        return np.full(len(robots), self.hand)
+
+    def hold_serves(self, scene, state, object, object_poses, holds):
+        self.asked += 1
+        order = np.linspace(1.0, 0.5, len(holds))
+        return self.hold * order, order
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return load_scene("puck_move", seed=1)
+
+
+def task_of(scene, ranker, grasp=None):
+    state = scene.start_state()
+    context = SimpleNamespace(scene=scene, components=SimpleNamespace(ranker=ranker))
+    sequence = SimpleNamespace(state=state, tool_grasp=grasp)
+    ahead = np.tile(state.poses[scene.goal.object], (10, 1))
+    return SimpleNamespace(context=context, sequence=sequence, object=scene.goal.object, ahead=ahead)
+
+
+def test_tools_come_first_only_where_no_hand_is_expected_to_serve(scene):
+    assert contact_strategies(task_of(scene, None)) is CONTACT_STRATEGIES
+    assert contact_strategies(task_of(scene, Ranker(hand=0.9))) is CONTACT_STRATEGIES
+    assert contact_strategies(task_of(scene, Ranker(hand=0.05))) is TOOL_FIRST
+    assert contact_strategies(task_of(load_scene("bolt"), Ranker(hand=0.0))) is CONTACT_STRATEGIES
+
+
+def test_an_attached_tool_comes_first_if_it_is_expected_to_serve_more_than_a_hand(scene):
+    grasp = SimpleNamespace(tool="pawn", T_place=scene.bodies["pawn"].pose)
+    assert contact_strategies(task_of(scene, Ranker(hand=0.5, hold=0.9), grasp)) is ATTACHED_FIRST
+    assert contact_strategies(task_of(scene, Ranker(hand=0.5, hold=0.1), grasp)) is CONTACT_STRATEGIES
+
+
+def test_every_order_tries_hands_and_tools():
+    for order in (TOOL_FIRST, ATTACHED_FIRST):
+        names = {strategy.name for strategy in order}
+        assert {"by hand", "with a tool", "by hand, however far it reaches"} <= names
+
+
+def test_a_proposer_that_ranks_is_used_for_tools_and_one_that_does_not_is_not():
+    ranker = Ranker()
+    assert local_components(proposer=ranker).ranker is ranker
+    assert local_components(proposer=SampledContacts()).ranker is None
+    assert local_components().ranker is None
+
+
+@pytest.mark.parametrize("expected", [0.0, 1.0])
+def test_a_ranker_that_is_wrong_costs_time_and_nothing_else(scene, expected):
+    ranker = Ranker(hand=1.0 - expected, hold=expected)
+    plan = planner.plan(scene, seed=1, proposer=ranker)  # the judge has accepted it
+    assert ranker.asked and plan.stats["learned_contacts"] == 0 and plan.stats["contacts_checked"] > 0
+
+
+def test_the_learned_proposer_plans_with_tools_and_repeats_itself():
+    plans = [planner.plan(load_scene("tunnel_tool", seed=1), seed=1, proposer="learned") for _ in range(2)]
+    assert plans[0].stats["learned_contacts"] > 0
+    first, second = (plan.trajectory.joints for plan in plans)
+    assert all(np.array_equal(first[name], second[name]) for name in first)
+
+
+def test_without_tools_a_plan_is_the_one_of_sampled_contacts():
+    plans = [planner.plan(load_scene("bolt", seed=2), seed=2, proposer=name) for name in ("learned", "sampled")]
+    first, second = (plan.trajectory.joints for plan in plans)
+    assert all(np.array_equal(first[name], second[name]) for name in first)
