@@ -36,6 +36,7 @@ setup(
         "console_scripts": [f"{node} = hmap.nodes.{node}:main" for node in NODES],
         # sub-commands of the command `hmap`
         "hmap.commands": [f"{name} = hmap.commands.{name}" for name in COMMANDS],
+        "hmap.benchmarks": ["graph = hmap.commands.bench_graph"],
         # readers of bags for `hmap view`
         "hmap.recordings": ["mcap = hmap.recordings:read_bag"],
     },

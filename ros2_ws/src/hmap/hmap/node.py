@@ -8,7 +8,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -16,7 +16,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException, ParameterException
-from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -25,18 +25,22 @@ from rclpy.signals import SignalHandlerOptions
 from hmap.environment import ros_environment
 from hmap.heartbeats import offer_heartbeat
 from hmap.problem_log import ProblemLog
-from hmap.spinning import Spinner
+from hmap.spinning import Spinner, WorkExecutor
 from hmap_core.compile_cache import ensure_compiled
 from hmap_core.exceptions import HmapError
 from hmap_core.garbage import collect_rarely
 from hmap_msgs_py.checks import ConversionError
 from hmap_msgs_py.errors import error_to_message
 
+if TYPE_CHECKING:
+    from hmap.warm_up import WarmUp
+
 THREADS = 12  # per process; some callbacks wait for a response or for the end of a motion
 DIAGNOSTICS_PERIOD = 1.0  # s
 RETRY_PERIOD = 0.1  # s of waiting after an error that reached the executor
 RCLError, UnknownROSArgsError = rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError
 YES, NO, BAD_INPUT = 0, 1, 2  # exit codes
+WARM_UP = "plan a small task while waiting, so that the first request is as fast as later ones"
 STARTING = "starting"  # the first status
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -80,12 +84,18 @@ class HmapNode(Node):
         self._status: tuple[bytes, str, dict[str, Any]] = (DiagnosticStatus.OK, STARTING, {})
         self._diagnostics = self.create_publisher(DiagnosticArray, "diagnostics", 10)
         self._heartbeat = offer_heartbeat(self, name)
+        self._warm_up: WarmUp | None = None
+        self._warms_up = self.plans and self.parameter("warm_up", False, WARM_UP)
         self.every(DIAGNOSTICS_PERIOD, self._publish_diagnostics)
 
     def started(self) -> None:
         """Set the status "running", unless the node has set another one."""
         if self._status[1] == STARTING:
             self.set_status("running")
+        if self._warms_up:
+            from hmap.warm_up import WarmUp  # imports the planner, which some nodes do not need
+
+            self._warm_up = WarmUp(self.get_logger().info)
 
     def undisturbed(self, limit: float) -> AbstractContextManager:
         """Pause the callbacks during a context, at most ``limit`` seconds, so that a computation ends earlier."""
@@ -94,6 +104,13 @@ class HmapNode(Node):
     def close(self) -> None:
         """Release waiting callbacks; called before the shutdown of the executor."""
         self.stopping.set()
+        if self._warm_up is not None:
+            self._warm_up.end(wait=True)
+
+    def needed(self) -> None:
+        """End the warm-up: there is work to do."""
+        if self._warm_up is not None:
+            self._warm_up.end()
 
     def parameter(
         self, name: str, default: Any, description: str, low: float | None = None, high: float | None = None
@@ -183,6 +200,7 @@ class HmapNode(Node):
 
         def answer(request, response):
             began = time.monotonic()
+            self.needed()
             try:
                 handler(request, response)
             except Exception as error:
@@ -271,7 +289,7 @@ def run(make_node: NodeClass, args: list[str] | None = None) -> int:
         traceback.print_exc()
         rclpy.shutdown()
         return NO
-    executor = MultiThreadedExecutor(THREADS) if node.waits else SingleThreadedExecutor()
+    executor = WorkExecutor(THREADS) if node.waits else SingleThreadedExecutor()
     executor.add_node(node)
     spinner = node.spinner = Spinner(executor, node.callback_failed)
     node.started()

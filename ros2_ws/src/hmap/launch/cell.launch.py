@@ -31,9 +31,10 @@ def _nodes(context) -> list[Node]:
     value = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     cell = read_cell(Path(value["cell"]))
     patience = {"service_patience": RESPAWN_PATIENCE, "state_patience": RESPAWN_PATIENCE}
-    supervisor = cell.of("supervisor", **patience) | ({"dry_run": True} if value["dry_run"] == "true" else {})
+    dry = {"dry_run": True} if value["dry_run"] == "true" else {}
+    supervisor = cell.of("supervisor", warm_up=True, **patience) | dry
     nodes = [_node("perception", cell, cell.of("perception"), respawn=True), _node("supervisor", cell, supervisor)]
-    nodes += [_node(name, cell, cell.of(name), respawn=True) for name in PLANNERS]
+    nodes += [_node(name, cell, cell.of(name, warm_up=True), respawn=True) for name in PLANNERS]
     if cell.record:
         nodes.append(_node("recorder", cell, cell.of("recorder", path=value["bag"]), respawn=False))
     return nodes

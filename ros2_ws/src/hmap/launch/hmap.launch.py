@@ -12,6 +12,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 PLANNERS = ("waypoint_planner", "contact_proposer", "komo_optimiser")
 RESPAWN_PATIENCE = 30.0  # s that the supervisor waits for a node that is started anew
+WARM = {"warm_up": True}  # plan a small task while waiting, so that the first goal is as fast as later ones
 ARGUMENTS = {
     "task": ("tunnel", "name of a task, or path of a task file"),
     "seed": ("0", "of its randomisation"),
@@ -47,8 +48,8 @@ def generate_launch_description() -> LaunchDescription:
         _node("perception", [clock, scene], condition=UnlessCondition(value["simulate"]), respawn=True),
         _node("recorder", [clock, bag], condition=IfCondition(value["record"])),
         _node("viewer", [], condition=IfCondition(value["viewer"]), respawn=True),
-        _node("supervisor", [clock, {"service_patience": RESPAWN_PATIENCE, "state_patience": RESPAWN_PATIENCE}]),
-        *[_node(name, [], respawn=True) for name in PLANNERS],
+        _node("supervisor", [clock, WARM, {"service_patience": RESPAWN_PATIENCE, "state_patience": RESPAWN_PATIENCE}]),
+        *[_node(name, [WARM], respawn=True) for name in PLANNERS],
     ]
     declared = [DeclareLaunchArgument(name, default_value=d, description=text) for name, (d, text) in ARGUMENTS.items()]
     return LaunchDescription([*declared, *nodes])

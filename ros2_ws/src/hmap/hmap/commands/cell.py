@@ -79,7 +79,7 @@ def start(graph: Graph, cell: Cell, folder: Path, dry_run: bool = False, speed: 
         graph.start("recorder", cell.of("recorder", path=folder / BAG), cell.files)
     graph.start("perception", cell.of("perception"), cell.files)
     for name in PLANNERS:
-        parameters = cell.of(name)
+        parameters = cell.of(name, warm_up=True)
         if name == "supervisor":
             parameters |= {"dry_run": True} if dry_run else {}
             parameters |= {} if speed is None else {"speed_scaling": speed}

@@ -161,6 +161,7 @@ class Supervisor(HmapNode):
     # one goal
 
     def _execute(self, handle: ServerGoalHandle) -> Manipulate.Result:
+        self.needed()
         job = Job(handle, stops=self._operator.stops)
         with self._jobs:
             if self._job is not None:

@@ -1,6 +1,7 @@
 """``hmap bench WHAT``: measurements, each in a module of its own."""
 
 import argparse
+from importlib.metadata import entry_points
 
 from hmap_core.cli import (
     bench_cmgmp,
@@ -16,10 +17,11 @@ from hmap_core.cli import (
 )
 from hmap_core.cli.main import add_kinds
 
+ENTRY_POINTS = "hmap.benchmarks"  # group of other packages' modules with HELP, add_arguments and run
 HELP = (
     "measure: tasks and generality (how often they are solved, how fast), table (methods against each other), "
     "robustness (in worlds that are off), quality (of motions), komo (against RAI's), cmgmp (on its authors' "
-    "demonstrations), limits, parts (object paths among many parts) or startup"
+    "demonstrations), limits, parts (object paths among many parts), startup, or graph (planning through the nodes)"
 )
 WHAT = {
     "cmgmp": bench_cmgmp,
@@ -37,7 +39,8 @@ WHAT = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the measurements as sub-commands."""
-    add_kinds(parser, WHAT)
+    others = {entry.name: entry.load() for entry in entry_points(group=ENTRY_POINTS)}
+    add_kinds(parser, WHAT | others)
 
 
 def run(arguments: argparse.Namespace) -> int:
