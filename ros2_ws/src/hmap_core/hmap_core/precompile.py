@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hmap_core.baselines.cmgmp.demonstrations import demonstrations
 from hmap_core.compile_cache import mark_compiled, remove_old_caches
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.features import joint_position
@@ -86,6 +87,12 @@ def _motions() -> None:
         )  # fmt: skip
 
 
+def _contact_manifolds() -> None:
+    """Where convex parts touch, for the baseline CMGMP."""
+    problem = demonstrations(["push_along_walls"])["push_along_walls"].problem
+    problem.contacts(problem.start)
+
+
 def main() -> int:
     """Compile everything that planning needs; exit code 0."""
     remove_old_caches()
@@ -97,6 +104,7 @@ def main() -> int:
         ("paths on a support", _planar_paths),
         *tasks,
         ("motions from skeletons", _motions),
+        ("contact manifolds", _contact_manifolds),
     ]
     for name, job in jobs:
         print(f"compiling for {name} ...", file=sys.stderr, flush=True)
