@@ -12,7 +12,7 @@ from hmap_core.transforms import from_rpy
 from hmap_core.validation import check
 
 TASK = "published/puck_around"
-SEED = 1  # one that is solved at once
+SEED = 4  # one that is solved at once
 
 
 def plan(**options):

@@ -53,25 +53,30 @@ class Contacts:
             self._hands.append(self._hand(grasp.robot, grasp))
             self._pools.append([])
 
-    def draw(self, T: np.ndarray, rng: np.random.Generator) -> tuple[Manifold, np.ndarray] | None:
-        """A contact that can be made with the object at T (7,), and the configuration (n,) in it; None for none."""
-        chosen = self.candidates(T, rng, TRIED)
+    def draw(self, T: np.ndarray, ahead: np.ndarray, rng: np.random.Generator) -> tuple[Manifold, np.ndarray] | None:
+        """A contact that can be made with the object at T (7,), and the configuration (n,) in it; None for none.
+
+        Args:
+            ahead: (k, 7) the next poses of the object, in the order of time; T is the first or the last of them.
+            rng: the only source of randomness.
+        """
+        chosen = self.candidates(ahead, rng, TRIED)
         if not chosen:
             return None
         ok, q = reachable(chosen[0].hand.manipulation, [mode.contact for mode in chosen], T, rng)
         first = int(ok.argmax())
         return (chosen[first], q[first]) if ok.any() else None
 
-    def candidates(self, T: np.ndarray, rng: np.random.Generator, count: int) -> list[Manifold]:
-        """Up to ``count`` contacts of a random hand that this can make alone with the object at T (7,)."""
+    def candidates(self, ahead: np.ndarray, rng: np.random.Generator, count: int) -> list[Manifold]:
+        """Up to ``count`` contacts of a random hand with which this can go along poses (k, 7) of the object."""
         number = int(rng.integers(len(self._hands)))
         hand, pool = self._hands[number], self._pools[number]
         if not pool or rng.random() < self._fresh:
-            pool += self._sampled(hand, T, rng)
+            pool += self._sampled(hand, ahead, rng)
         if not pool:
             return []
-        bounds = reach_bounds(hand.manipulation, [mode.contact for mode in pool], T[None])
-        return [pool[k] for k in rng.permutation(np.flatnonzero(bounds >= 0))[:count]]
+        bounds = reach_bounds(hand.manipulation, [mode.contact for mode in pool], ahead)
+        return [pool[k] for k in rng.permutation(np.flatnonzero(bounds >= len(ahead) - 1))[:count]]
 
     def forget(self, mode: Manifold) -> None:
         """Draw a contact no more."""
@@ -83,17 +88,17 @@ class Contacts:
         manipulation, away = cleared(scene, self._context.start, self._object, robot)
         return Hand(robot, scene, manipulation, away, grasp)
 
-    def _sampled(self, hand: Hand, T: np.ndarray, rng: np.random.Generator) -> list[Manifold]:
-        """Contacts of the next batch that the hand alone can make with the object at T (7,)."""
+    def _sampled(self, hand: Hand, ahead: np.ndarray, rng: np.random.Generator) -> list[Manifold]:
+        """Contacts of the next batch that the hand alone can make at the first of the next poses (k, 7)."""
         there = self._context.start.copy()
-        there.poses[self._object] = T
-        query = self._context.contact_query(hand.scene, there, self._object, T[None], hand.robot, rng)
+        there.poses[self._object] = ahead[0]
+        query = self._context.contact_query(hand.scene, there, self._object, ahead, hand.robot, rng)
         batches = islice(self._context.components.proposer.propose(query), BATCHES)
         contacts: list[ContactPoint] = [contact for batch in batches for contact in batch.contacts]
         if contacts and not self._space.planar:
-            contacts = secure_grasps(hand.scene, self._object, hand.robot, contacts, T)
+            contacts = secure_grasps(hand.scene, self._object, hand.robot, contacts, ahead[0])
         if not contacts:
             return []
-        possible = np.flatnonzero(reach_bounds(hand.manipulation, contacts, T[None]) >= 0)
+        possible = np.flatnonzero(reach_bounds(hand.manipulation, contacts, ahead[:1]) >= 0)
         kept = rng.permutation(possible)[: self._kept]
         return [Manifold(hand, contacts[k], self._space) for k in kept]

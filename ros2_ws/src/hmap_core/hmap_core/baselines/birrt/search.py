@@ -19,6 +19,7 @@ KEEP = 0.7  # share of the extensions that keep the contact, where it could be c
 JOINTS = 0.3  # share of the extensions that are straight in the joints
 JOINT_RANGE = 0.8  # rad, longest extension in the joints
 RANGE = 15  # steps, longest extension of the object
+AHEAD = 3  # steps of the object for which a new contact has to serve
 CONNECTED = 3  # nodes of the other tree that a new node is connected to
 TOOLS_FROM = 40  # extensions after which tools are drawn, too
 SAME = 1e-6  # rad; configurations that are nearer are the same
@@ -98,7 +99,8 @@ class BidirectionalSearch:
             target = self.space.sample(rng)
         order = np.argsort(self.space.distances(tree.poses, target), kind="stable")[:NEAREST]
         near = tree.nodes[int(order[int(rng.integers(len(order)))])]
-        start = self._contact(near)
+        line = self.space.line(near.T, target)[: RANGE + 1]
+        start = self._contact(near, line[: AHEAD + 1][:: -1 if tree.backwards else 1])
         if start is None:
             return None
         mode, q = start
@@ -108,14 +110,19 @@ class BidirectionalSearch:
             way *= min(1.0, JOINT_RANGE / np.abs(way).max())
             path, poses = mode.towards(q, q + way, tree.backwards)
         else:
-            path, poses = mode.along(q, self.space.line(near.T, target)[: RANGE + 1], tree.backwards)
+            path, poses = mode.along(q, line, tree.backwards)
         return self._add(tree, near, mode, path, poses)
 
-    def _contact(self, node: Node) -> tuple[Manifold, np.ndarray] | None:
-        """The contact in which a branch from a node begins, and the configuration in it."""
+    def _contact(self, node: Node, ahead: np.ndarray) -> tuple[Manifold, np.ndarray] | None:
+        """The contact in which a branch from a node begins, and the configuration in it.
+
+        Args:
+            node: the node.
+            ahead: (k, 7) the next poses of the object, in the order of time.
+        """
         if node.mode is not None and (not node.stands or self._rng.random() < KEEP):
             return node.mode, node.q
-        return self._contacts.draw(node.T, self._rng)
+        return self._contacts.draw(node.T, ahead, self._rng)
 
     def _add(self, tree: Tree, parent: Node, mode: Manifold, path: np.ndarray, poses: np.ndarray) -> Node | None:
         if len(path) < 2:

@@ -39,7 +39,7 @@ class RobotHands:
 
     def relocations(self, placement: Placement | None, T: np.ndarray, rng: np.random.Generator) -> Iterator[Relocation]:
         """Yield contacts of a random hand; meanwhile the object rests alone."""
-        for mode in self._contacts.candidates(T, rng, CANDIDATES):
+        for mode in self._contacts.candidates(T[None], rng, CANDIDATES):
             yield Relocation(Placement(*_points(mode), key=(mode,)), NONE)
 
     def settled(self, placement: Placement, T: np.ndarray, rng: np.random.Generator) -> Placement | None:
