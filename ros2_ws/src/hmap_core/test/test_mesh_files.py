@@ -137,6 +137,7 @@ WRITTEN = {
     "comments": TETRAHEDRON.replace("f 2 3 4", "f 2 3 4 # the last").replace("v 0 1 0", "v 0 1 0 # up"),
     "windows": TETRAHEDRON.replace("\n", "\r\n"),
     "continued": TETRAHEDRON.replace("f 2 3 4\n", "f 2 3\\\n4\\\n"),
+    "comment that seems to go on": TETRAHEDRON.replace("v 0 1 0", "v 0 1 0 # up \\"),
     "from behind": "v 9 9 9\n" + TETRAHEDRON.replace("f 2 3 4", "f -3 -2 -1").replace("f 1 ", "f -4 ")
     .replace("2 3\n", "-3 -2\n").replace("2 4", "-3 -1").replace("3 4", "-2 -1") + "v 7 7 7\n",
     "some with texture": TETRAHEDRON.replace("f 2 3 4", "f 2/1 3/1 4/1"),

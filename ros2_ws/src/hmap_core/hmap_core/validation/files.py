@@ -76,8 +76,13 @@ def mesh_points(path: Path) -> np.ndarray:
 def _obj_points(path: Path) -> np.ndarray:
     vertices: list[list[str]] = []
     used: set[int] = set()
-    for line in path.read_text(errors="replace").replace("\\\n", " ").splitlines():
-        words = line.partition("#")[0].split()
+    begun = ""
+    for text in (*path.read_text(errors="replace").splitlines(), ""):
+        line = begun + text.partition("#")[0]  # a comment ends with its line
+        if line.endswith("\\"):
+            begun = line[:-1] + " "
+            continue
+        begun, words = "", line.split()
         if words[:1] == ["v"]:
             vertices.append(words[1:4])
         elif words[:1] == ["f"]:
