@@ -8,7 +8,7 @@ from simulation_fixtures import box, scene
 
 from hmap_core import planner
 from hmap_core.exceptions import Code, HmapError
-from hmap_core.planner.diagnosis import hand_fits_at_goal
+from hmap_core.planner.diagnosis import hand_fits_at_goal, why_no_contact
 from hmap_core.planner.immovable import why_immovable
 from hmap_core.planner.object_path import BidirectionalSearch
 from hmap_core.planner.protocols import ObjectPathQuery
@@ -112,3 +112,28 @@ def test_planar_motion_does_not_turn_an_object_over():
         planner.plan(made, seed=0, time_limit=120.0)
     turned = replace(over, pose=pose((0.5, 0.1, 0.045), (0.0, 0.0, np.sin(0.5), np.cos(0.5))))
     assert len(BidirectionalSearch().plan_path(replace(query, goal=turned)).poses) > 1
+
+
+def test_what_no_gripper_holds_is_not_lifted_out_of_a_pen():
+    fence = [wall(f"side_{k}", (0.32, 0.02, 0.08), (0.5, y, 0.04)) for k, y in enumerate((0.14, -0.14))]
+    fence += [wall(f"end_{k}", (0.02, 0.26, 0.08), (x, 0.0, 0.04)) for k, x in enumerate((0.35, 0.65))]
+    made = scene(
+        box("crate", (0.09, 0.09, 0.09), (0.5, 0.0, 0.045)), *fence, goal=Goal("crate", pose((0.5, 0.3, 0.045)))
+    )
+    parts = ("no planar path of 'crate'", "proven", "cannot be lifted over that", "90 mm wide", "opens 78 mm")
+    refused(made, Code.NO_OBJECT_PATH, *parts)
+
+
+def test_what_stands_in_a_narrow_pipe_is_refused_for_the_hand():
+    sides = [wall(f"x_{k}", (0.02, 0.1, 0.2), (x, 0.0, 0.1)) for k, x in enumerate((0.45, 0.55))]
+    sides += [wall(f"y_{k}", (0.08, 0.02, 0.2), (0.5, y, 0.1)) for k, y in enumerate((0.04, -0.04))]
+    made = scene(box("die", (0.03, 0.03, 0.03), (0.5, 0.0, 0.015)), *sides, goal=Goal("die", pose((0.4, 0.3, 0.015))))
+    refused(made, Code.NO_CONTACT, "no contact can move 'die' from its start", "with the hand in 'x_")
+
+
+def test_what_slips_out_of_the_pads_is_told():
+    block = box("block", (0.05, 0.05, 0.1), (0.5, 0.0, 0.05), mass=1.0, friction=0.05)
+    made = scene(block, goal=Goal("block", pose((0.5, 0.2, 0.05))))
+    assert "friction of its pads does not carry" in why_no_contact(made, made.start_state(), "block", made.goal.pose)
+    rough = replace(made, bodies=made.bodies | {"block": replace(block, friction=0.6)})
+    assert "friction of its pads" not in why_no_contact(rough, rough.start_state(), "block", made.goal.pose)

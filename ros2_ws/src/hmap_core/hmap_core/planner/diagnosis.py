@@ -8,6 +8,7 @@ import numpy as np
 
 from hmap_core.collision.convex import from_hulls, set_distance
 from hmap_core.contacts.feasibility import reach_bounds, stretches
+from hmap_core.contacts.grip_force import weight_ratio
 from hmap_core.contacts.grip_width import grip_problem
 from hmap_core.contacts.push_path import final_pushes, first_pushes
 from hmap_core.kinematics.arm import load_arm
@@ -20,14 +21,15 @@ from hmap_core.planner.protocols import ContactQuery
 from hmap_core.planner.sampled_contacts import SampledContacts
 from hmap_core.planner.sampled_presses import SampledPresses
 from hmap_core.planner.surroundings import placed_bodies
-from hmap_core.transforms import multiply
-from hmap_core.types import Body, ContactPoint, Robot, Scene, SceneState
+from hmap_core.transforms import multiply, rotation_matrix
+from hmap_core.types import Body, ContactKind, ContactPoint, Robot, Scene, SceneState
 from hmap_core.waypoints import stable_poses
 from hmap_core.waypoints.checker import PENETRATION_ALLOWED
 
 PUSHED_STEPS = 3  # poses of a push, 1 cm apart, for which an object needs room before it, and a finger behind it
 BATCHES = 2  # of contacts whose fate is told
 TOO_FAR = "too far for the arm"
+SLIPS = "free for the hand, but the friction of its pads does not carry the weight"
 HAND_FREE = "free for the hand, but not for the arm on its way there and back"
 
 
@@ -144,10 +146,19 @@ def _fates(
     for contact, stretched in zip(contacts, stretch, strict=True):
         if stretched > 1.0:
             fates[TOO_FAR] += 1
-        else:
-            hit = _hit(scene.robots[robot], contact, T, around)
-            fates[HAND_FREE if hit is None else f"with the hand in '{hit}'"] += 1
+            continue
+        placed = scene.robots[robot]
+        hit = _hit(placed, contact, T, around)
+        slips = hit is None and _slips(scene.bodies[object], contact, placed, T)
+        fates[SLIPS if slips else HAND_FREE if hit is None else f"with the hand in '{hit}'"] += 1
     return fates
+
+
+def _slips(body: Body, contact: ContactPoint, robot: Robot, T: np.ndarray) -> bool:
+    """Whether the pads' friction does not carry the weight in a grasp of a body at T (7,)."""
+    if contact.kind != ContactKind.GRASP:
+        return False
+    return bool(weight_ratio(body, [contact], robot.model, rotation_matrix(T)[2])[0] > 1.0)
 
 
 def _hit(robot: Robot, contact: ContactPoint, T: np.ndarray, around) -> str | None:

@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from hmap_core.contacts.grip_width import grip_problem
 from hmap_core.planner.context import SearchContext
+from hmap_core.planner.loads import has_to_be_lifted
 from hmap_core.planner.solution_sequence import removable_for
 from hmap_core.planner.tasks import PathTask
 from hmap_core.planner.tilt import keeps_tilt, levelled
@@ -34,14 +36,22 @@ def goal_of_round(context: SearchContext, task: PathTask, state: SceneState) -> 
 def path_scene(scene: Scene, task: PathTask) -> Scene:
     """The scene in which the object's path is planned.
 
-    If sliding and lifting are both allowed, as they are for obstacles, every second round lifts. Only those bodies are
-    removable that the subgoal may move.
+    If sliding and lifting are both allowed, as they are for obstacles, every second round lifts; what no gripper holds
+    slides. Only those bodies are removable that the subgoal may move.
     """
     motion = scene.motion if task.subgoal.depth == 0 else "auto"
+    if motion == "auto" and slides_only(scene, task):
+        motion = "planar"
     if motion == "auto" and task.number % 2 == 1:
         motion = "spatial"
     removable = {name: scene.removable[name] for name in removable_for(scene, task.subgoal, task.sequence)}
     return replace(scene, motion=motion, removable=removable)
+
+
+def slides_only(scene: Scene, task: PathTask) -> bool:
+    """Whether an object has to slide to its goal, at the same height and tilt, as no gripper holds it."""
+    goal, start = task.subgoal.goal, task.sequence.state.poses[task.object]
+    return not has_to_be_lifted(start, goal) and bool(grip_problem(scene, task.object, scene.robots))
 
 
 def unturned(goal: Goal, T_start: np.ndarray) -> Goal:

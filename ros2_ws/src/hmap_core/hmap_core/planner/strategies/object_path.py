@@ -10,7 +10,7 @@ from hmap_core.contacts.grippable import grippable
 from hmap_core.contacts.hand import hand_of
 from hmap_core.exceptions import Code
 from hmap_core.planner.context import SearchContext
-from hmap_core.planner.goals import goal_of_round, path_scene
+from hmap_core.planner.goals import goal_of_round, path_scene, slides_only
 from hmap_core.planner.immovable import first_immovable
 from hmap_core.planner.obstacle_removal import StuckError
 from hmap_core.planner.obstruction import without
@@ -57,7 +57,7 @@ class ObjectPathStrategy:
                 task.poses, blockers = _plan(context, task)
             except NoObjectPath as error:
                 if not seen:
-                    return Failure.of(error, ends_round=True)
+                    return Failure.of(_with_grip(error, context.scene, task), ends_round=True)
                 break
             if any(np.array_equal(task.poses, other) for other in seen):
                 continue  # the next path may differ
@@ -101,6 +101,15 @@ class ObjectPathStrategy:
                 return failure
             node.fail(stuck.stage, stuck.code, stuck.reason)
         return Failure.of(stuck, ends_round=True)
+
+
+def _with_grip(error: NoObjectPath, scene: Scene, task: PathTask) -> NoObjectPath:
+    """The failure, and why the object cannot be lifted over what is in its way."""
+    if scene.motion == "planar" or not slides_only(scene, task):
+        return error
+    why = grip_problem(scene, task.object, scene.robots)
+    reason = f"{error.reason}; it cannot be lifted over that: {why}"
+    return NoObjectPath(reason, error.blockers, error.free_without, error.path_without, error.proven)
 
 
 def _immovable(search: "Search", task: PathTask, blockers: Sequence[str]) -> StuckError | None:

@@ -62,8 +62,7 @@ class PressedPath:
         query = ObjectPathQuery(fixed, state, goal, context.seed(), context.time_left(), CHECKS)
         try:
             poses = context.components.object_path.plan_path(query).poses
-        except NoObjectPath as error:
-            context.record.failed(error)
+        except NoObjectPath:
             return
         yield poses
         legs = push_planner(context.scene, state, task.object, poses).path(poses, None)
