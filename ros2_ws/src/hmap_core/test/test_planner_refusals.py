@@ -128,7 +128,7 @@ def test_what_stands_in_a_narrow_pipe_is_refused_for_the_hand():
     sides = [wall(f"x_{k}", (0.02, 0.1, 0.2), (x, 0.0, 0.1)) for k, x in enumerate((0.45, 0.55))]
     sides += [wall(f"y_{k}", (0.08, 0.02, 0.2), (0.5, y, 0.1)) for k, y in enumerate((0.04, -0.04))]
     made = scene(box("die", (0.03, 0.03, 0.03), (0.5, 0.0, 0.015)), *sides, goal=Goal("die", pose((0.4, 0.3, 0.015))))
-    refused(made, Code.NO_CONTACT, "no contact can move 'die' from its start", "with the hand in 'x_")
+    refused(made, Code.NO_CONTACT, "no contact can move 'die' from its start", "with the hand in '")
 
 
 def test_what_slips_out_of_the_pads_is_told():
