@@ -5,6 +5,7 @@ so a node that computes for long counts as alive, and one whose process was kill
 lease. Discovery alone takes a dead process for alive for about 20 s.
 """
 
+import os
 import threading
 import time
 from collections.abc import Callable
@@ -21,7 +22,7 @@ from std_msgs.msg import Empty
 LEASE = 2.0  # s without a sign of life after which a node counts as dead
 MOTION_LEASE = 0.3  # s, of the supervisor: motions stop within 0.5 s of its death; each node gives signs more often
 CONFIRM = 0.1  # s in which a sign of life may still come that a busy process has not read yet
-PROBE = 1.5  # s to look for a node that runs already
+PROBE, LONGEST_PROBE = 1.5, 20.0  # s to look for a node that runs already: where processors are free, and at most
 
 
 def heartbeat_topic(role: str) -> str:
@@ -88,13 +89,20 @@ class Heartbeat:
             self._on_loss()
 
 
-def runs_already(role: str, limit: float = PROBE) -> bool:
+def probe_limit() -> float:
+    """Seconds to look for a node that runs already: discovery takes as much longer as more processes wait."""
+    waiting = os.getloadavg()[0] / (os.cpu_count() or 1)
+    return min(LONGEST_PROBE, PROBE * max(1.0, waiting))
+
+
+def runs_already(role: str, limit: float | None = None) -> bool:
     """Whether a node of a role lives; for a process that is about to become one, before it spins.
 
     Args:
         role: of the node.
-        limit: s to look for it; all of it where there is none.
+        limit: s to look for it, all of it where there is none; None: :func:`probe_limit`.
     """
+    limit = probe_limit() if limit is None else limit
     node = Node(f"{role}_probe", use_global_arguments=True, start_parameter_services=False)
     executor = SingleThreadedExecutor()
     executor.add_node(node)

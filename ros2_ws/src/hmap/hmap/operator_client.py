@@ -10,7 +10,7 @@ from std_srvs.srv import Trigger
 from hmap_core.exceptions import Code, PlannerError
 
 SERVICES = ("pause", "resume", "stop", "confirm")
-LIMIT = 5.0  # s for an answer
+LIMIT = 15.0  # s for an answer, on a busy machine
 POLL = 0.005  # s
 
 

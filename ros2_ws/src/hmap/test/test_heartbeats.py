@@ -13,6 +13,7 @@ from action_msgs.srv import CancelGoal
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
+from hmap import heartbeats
 from hmap.environment import ros_environment
 from hmap.heartbeats import MOTION_LEASE, Heartbeat, runs_already
 from hmap.node import HmapNode
@@ -176,3 +177,10 @@ def test_a_second_node_of_a_role_is_noticed_and_one_that_was_killed_is_not(node,
     assert runs_already("supervisor", LIMIT)
     process.kill()
     assert not runs_already("supervisor")
+
+
+@pytest.mark.parametrize(("load", "limit"), [(0.1, 1.5), (2.0, 1.5), (8.0, 6.0), (1000.0, 20.0)])
+def test_a_busy_machine_gets_more_time_for_discovery(monkeypatch, load, limit):
+    monkeypatch.setattr(heartbeats.os, "getloadavg", lambda: (load, 0.0, 0.0))
+    monkeypatch.setattr(heartbeats.os, "cpu_count", lambda: 2)
+    assert heartbeats.probe_limit() == limit
