@@ -69,3 +69,10 @@ def test_it_ends_with_a_reason(options, code):
     with pytest.raises(PlannerError) as failure:
         planner.plan(load_scene("published/puck_around", 0), planner="lgp", **options)
     assert failure.value.code is code
+
+
+def test_a_task_without_contacts_ends_before_the_time_is_up(monkeypatch):
+    monkeypatch.setattr("hmap_core.baselines.lgp.bounds.contacts_of_move", lambda *arguments: [])
+    with pytest.raises(PlannerError, match="bound by poses") as failure:
+        planner.plan(load_scene("published/puck_around", 0), planner="lgp", time_limit=600.0)
+    assert failure.value.code is Code.NO_CONTACT

@@ -9,7 +9,7 @@ import numpy as np
 from hmap_core.baselines.lgp import bounds
 from hmap_core.baselines.lgp.actions import Action, Hand, Target, hands, successors
 from hmap_core.baselines.lgp.paths import BoundedAction, paths
-from hmap_core.exceptions import MotionError
+from hmap_core.exceptions import Code, MotionError, PlannerError
 from hmap_core.planner.context import SearchContext
 from hmap_core.planner.outcome import Solution
 from hmap_core.types import Goal, SceneState
@@ -18,6 +18,7 @@ ACTION = 1.0  # cost of an action
 TOOL = 0.4  # more of one with a tool
 PLACE = 0.2  # more of one that leaves the place open
 AGAIN = 0.6  # more of a node at each further visit
+ROUNDS = 3  # of the whole search, where no skeleton is left
 POSE_VISITS = 3  # of a node whose bound by poses does not hold, before it is dropped
 
 
@@ -61,11 +62,29 @@ class SkeletonSearch:
     def __post_init__(self):
         self._rng, self._numbers = self.context.child_rng(), count()
         self._hands: list[Hand] = hands(self.context, self.goal)
+        self._rounds = 0
+        self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        """Queue the skeletons of one action, as long as that may help."""
+        if self._rounds == ROUNDS:
+            raise PlannerError(
+                f"no skeleton passes the bound by poses: no hand has a contact on '{self.goal.object}' that it reaches "
+                f"before and after a move; last: {self.context.record.reason}",
+                Code.NO_CONTACT,
+            )
+        self._rounds += 1
         self._expand(Node((), None, self.context.start, 0.0))
 
     def solve(self) -> Solution:
-        """Visit nodes until one has a path. Raises PlannerError where the time is up or no skeleton is left."""
+        """Visit nodes until one has a path.
+
+        Raises:
+            PlannerError: NO_CONTACT, no skeleton passes the bound by poses; TIME_LIMIT or CANCELED.
+        """
         while True:
+            if not self._queue:
+                self._begin_anew()
             _, number, node = heapq.heappop(self._queue)
             self._tell(number, node)
             node.visits += 1
