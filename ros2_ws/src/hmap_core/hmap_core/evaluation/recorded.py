@@ -165,7 +165,7 @@ def _measure_motion(run: RecordedRun, began: float, metrics: RunMetrics, judge: 
     if not run.plans:
         return
     metrics.tip_path_m = executed.tip_length(run.plans[0][1], whole)
-    error = executed.goal_error(run.plans[-1][1], whole)
+    error = executed.goal_error(run.plans[-1][1], whole) if metrics.outcome != CUT else None
     metrics.goal_error_m, metrics.goal_error_deg = error if error is not None else (None, None)
     ends = [time for time, _ in run.plans[1:]] + [math.inf]
     clear, objects, joints, contacts = [], [], [], 0
