@@ -7,6 +7,7 @@ from hmap_core.cli import (
     bench_cmgmp,
     bench_generality,
     bench_komo,
+    bench_learning,
     bench_limits,
     bench_parts,
     bench_quality,
@@ -20,13 +21,15 @@ from hmap_core.cli.main import add_kinds
 ENTRY_POINTS = "hmap.benchmarks"  # group of other packages' modules with HELP, add_arguments and run
 HELP = (
     "measure: tasks and generality (how often they are solved, how fast), table (methods against each other), "
-    "robustness (in worlds that are off), quality (of motions), komo (against RAI's), cmgmp (on its authors' "
-    "demonstrations), limits, parts (object paths among many parts), startup, or graph (planning through the nodes)"
+    "robustness (in worlds that are off), learning (learned contacts against sampling), quality (of motions), "
+    "komo (against RAI's), cmgmp (on its authors' demonstrations), limits, parts (object paths among many parts), "
+    "startup, or graph (planning through the nodes)"
 )
 WHAT = {
     "cmgmp": bench_cmgmp,
     "generality": bench_generality,
     "komo": bench_komo,
+    "learning": bench_learning,
     "limits": bench_limits,
     "parts": bench_parts,
     "quality": bench_quality,

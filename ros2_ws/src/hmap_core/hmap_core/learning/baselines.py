@@ -13,12 +13,15 @@ NEIGHBOURS = 16
 NEIGHBOUR_ROWS = 8000  # of the training set that nearest neighbours are searched in
 BLOCK = 512  # rows whose distances are computed at once
 POSE = slice(COMMON, COMMON + 16)  # features that describe the pose of a contact in the axes of the scene
+ROUNDS = 200  # of boosting
 TREES: dict[str, Any] = {
-    "n_estimators": 200,
+    "objective": "binary",
     "num_leaves": 63,
     "learning_rate": 0.08,
     "verbosity": -1,
     "num_threads": 1,
+    "deterministic": True,
+    "force_row_wise": True,
 }
 
 Scorer = Callable[[Contacts], np.ndarray]  # scores (N,), larger is better
@@ -60,9 +63,8 @@ def trees(train: Contacts, seed: int) -> Scorer:
     import lightgbm
 
     known = train[train.known]
-    model = lightgbm.LGBMClassifier(random_state=seed, deterministic=True, force_row_wise=True, **TREES)
-    model.fit(known.features[:, :HAND_MADE], known.feasible, sample_weight=family_weights(known.family))
-    booster = model.booster_
+    rows = lightgbm.Dataset(known.features[:, :HAND_MADE], known.feasible, weight=family_weights(known.family))
+    booster = lightgbm.train(TREES | {"seed": seed}, rows, ROUNDS)
     return lambda contacts: np.asarray(booster.predict(contacts.features[:, :HAND_MADE]))
 
 
