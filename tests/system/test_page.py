@@ -68,10 +68,7 @@ def test_a_plan_is_scrubbed_and_asked_about(tab, plan):
         tab.goto(address(page.server))
         line(tab, "two: ").wait_for()
         assert "waypoint 1: pose 0" in tab.locator(".hmap-search").inner_text()
-        label = tab.get_by_text("Time (s)", exact=True)
-        slider = label.locator("xpath=ancestor::div[.//input][1]").locator("input").last
-        slider.fill("5")
-        slider.press("Enter")
+        set_slider(tab, "Time (s)", "5")
         line(tab, "two, 5.00 s").wait_for()
         tab.get_by_role("button", name="Refused contacts").click()
         line(tab, "a click on one says why").wait_for()
@@ -108,17 +105,26 @@ def test_a_task_is_chosen_run_paused_and_cancelled(tab, graph):
     tab.get_by_label("Task").first.click()
     tab.get_by_role("option", name="tunnel", exact=True).click()
     seed = tab.get_by_label("Seed")
-    seed.fill("1")
+    seed.fill("3")
     seed.press("Enter")
+    set_slider(tab, "Speed", "0.1")  # the simulation runs as fast as it can
     tab.get_by_role("button", name="Execute").click()
-    line(tab, "execution: ").wait_for()
+    line(tab, "execution: ").wait_for(timeout=2 * LIMIT)
     tab.get_by_role("button", name="Pause").click()
     line(tab, "paused: ").wait_for()
     tab.get_by_role("button", name="Cancel").click()
     tab.locator(".hmap-line", has_text="CANCELED").nth(1).wait_for()  # as the phase, and as the result of the goal
     tab.get_by_role("button", name="Resume").click()
     line(tab, "motions go on").wait_for()
+    set_slider(tab, "Speed", "1")
     assert "waypoint 1" in tab.locator(".hmap-search").inner_text()
+
+
+def set_slider(tab, label: str, value: str) -> None:
+    """Type a value into the field beside a slider."""
+    field = tab.get_by_text(label, exact=True).locator("xpath=ancestor::div[.//input][1]").locator("input").last
+    field.fill(value)
+    field.press("Enter")
 
 
 def eventually(ready, limit: float = LIMIT / 1e3) -> bool:
