@@ -20,6 +20,7 @@ from hmap_core.komo.skeleton import Skeleton, SkeletonEntry, Symbol
 from hmap_core.komo.skeleton_problem import SkeletonProblem
 from hmap_core.komo.transcription import KomoProblem
 from hmap_core.komo.workspace import Workspace
+from hmap_core.learning.clearance import Boxes
 from hmap_core.planner import HmapPlanner, ObjectPathQuery
 from hmap_core.planner.object_path import BidirectionalSearch
 from hmap_core.scenes import load_scene
@@ -93,6 +94,12 @@ def _contact_manifolds() -> None:
     problem.contacts(problem.start)
 
 
+def _distances() -> None:
+    """Distances of points from boxes, for the learned proposer."""
+    wall = Body("wall", BodyKind.FIXED, (Shape(ShapeKind.BOX, (0.02, 0.4, 0.4)),), pose())
+    Boxes.around([(wall, wall.pose)]).distances(np.zeros((1, 3)), 0.1)
+
+
 def main() -> int:
     """Compile everything that planning needs; exit code 0."""
     remove_old_caches()
@@ -104,6 +111,7 @@ def main() -> int:
         ("paths on a support", _planar_paths),
         *tasks,
         ("motions from skeletons", _motions),
+        ("distances from boxes", _distances),
         ("contact manifolds", _contact_manifolds),
     ]
     for name, job in jobs:
