@@ -28,7 +28,7 @@ demo: setup
 	$(VENV)/bin/hmap up tunnel --seed 0
 
 # Tests of one process run on two cores; after them, those that start graphs of nodes have the machine to themselves.
-GRAPHS := tests/system tests/examples
+GRAPHS := tests/system tests/hardware tests/examples
 test: setup lint
 	tools/browser.sh
 	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/pytest -n 2 --dist loadfile $(addprefix --ignore=,$(GRAPHS)) $(PYTEST_ARGS)

@@ -1,12 +1,13 @@
 """What a search has tried, as a tree: in the error, in the plan, and on the command line."""
 
 import pytest
-from obstacle_fixtures import heavy_slab
+from obstacle_fixtures import corridor, heavy_slab
 from planner_fixtures import carry
 
 from hmap_core.cli.main import main
 from hmap_core.exceptions import Code, ContactError, HmapError, MotionError
 from hmap_core.planner import plan
+from hmap_core.planner.contact_checker import LocalContactChecker
 from hmap_core.planner.search_tree import Attempt, SearchTree
 
 TIME_LIMIT = 120.0  # s; a busy machine is slow
@@ -60,15 +61,24 @@ def test_a_plan_says_how_it_was_found(tmp_path):
     assert any("waypoint 1: pose 0 of" in line for line in root.lines())
 
 
-def test_a_failure_shows_object_path_waypoint_contacts_and_reason(tmp_path, capsys):
-    scene = heavy_slab(tmp_path, motion="auto")
+def test_a_failure_that_is_known_without_a_search_shows_its_reason(tmp_path):
+    with pytest.raises(HmapError) as error:
+        plan(heavy_slab(tmp_path, motion="auto"), seed=1, time_limit=TIME_LIMIT)
+    (leaf,) = (line for line in Attempt.from_dict(error.value.search).lines() if "slab in the way" in line)
+    assert "[planner/NO_CONTACT]" in leaf and "cannot be removed" in leaf
+
+
+def test_a_failure_shows_object_path_waypoint_contacts_and_reason(tmp_path, capsys, monkeypatch):
+    check = LocalContactChecker.check
+    monkeypatch.setattr(LocalContactChecker, "check", lambda *a: [] if a[1].object != "brick" else check(*a))
+    scene = corridor(tmp_path)
     with pytest.raises(HmapError) as error:
         plan(scene, seed=1, time_limit=TIME_LIMIT)
     root = Attempt.from_dict(error.value.search)
     assert not root.solved and "NO_CONTACT" in codes(root)
     text = "\n".join(root.lines())
-    for part in ("object path", "waypoint", "contacts on 'slab'", "out of the way of 'brick'"):
+    for part in ("object path", "waypoint", "contacts on 'outer'", "out of the way of 'brick'"):
         assert part in text
     code = main(["plan", scene.task, "--seed", "1", "--out", str(tmp_path / "plan.json"), "--explain"])
     shown = capsys.readouterr()
-    assert code == 1 and "contacts on 'slab'" in shown.out and "'slab'" in shown.err
+    assert code == 1 and "contacts on 'outer'" in shown.out and "'inner'" in shown.err

@@ -78,7 +78,8 @@ def ramp_to(
 ) -> Warp | None:
     """The shortest ramp to another rate that keeps the joints' accelerations small.
 
-    A stop keeps to ``share`` of the limits. Another ramp adds at most as much to what the motion itself needs.
+    A stop keeps to ``share`` of the limits, or to what the motion itself needs elsewhere if that is more: it was
+    planned for what is held. Another ramp adds at most as much to what the motion itself needs.
 
     Args:
         rate: at the end of the ramp; 0: a stop.
@@ -143,5 +144,8 @@ def _within(curve: CubicSpline, warp: Warp, limits: np.ndarray) -> bool:
     t = _ramp_times(warp)
     s = np.minimum(warp.into(t), curve.x[-1])
     acceleration = np.diff(curve(s, 1) * warp.rate(t)[:, None], axis=0) / np.diff(t)[:, None]
-    own = 0.0 if warp.after == 0.0 else np.abs(curve(s[:-1], 2)) * max(warp.before, warp.after) ** 2
-    return bool((np.abs(acceleration) <= limits + own).all())
+    if warp.after == 0.0:
+        allowed = np.maximum(limits, np.abs(curve(curve.x, 2)).max(axis=0))
+    else:
+        allowed = limits + np.abs(curve(s[:-1], 2)) * max(warp.before, warp.after) ** 2
+    return bool((np.abs(acceleration) <= allowed).all())

@@ -15,7 +15,7 @@ from hmap_core.planner.tilt import SAME_TILT, keeps_tilt, tilt_and_yaw
 from hmap_core.transforms import IDENTITY
 from hmap_core.types import Body, BodyKind, Scene, TaskMode
 from hmap_core.waypoints import DEFAULT_MIN_DISTANCE, NoObjectPath, ObjectPath, ObjectPathProblem, plan_waypoints
-from hmap_core.waypoints.checker import Geometry, ObjectChecker
+from hmap_core.waypoints.checker import Geometry, ObjectChecker, check_ends
 from hmap_core.waypoints.search_budget import SearchBudget
 
 # problem, generator, time limit (s), largest number of checked motions -> path
@@ -40,9 +40,9 @@ class BidirectionalSearch:
             NoObjectPath: there is no path.
             InputError: start or goal is invalid.
         """
-        _check_planar(query)
         budget = SearchBudget(query.time_limit)
         problem = object_path_problem(query)
+        _check_planar(query, problem)
         rng = np.random.default_rng(query.seed)
         path = self._search(problem, rng, query.time_limit, query.max_checks)
         around = bases(query.scene, query.goal.object, (problem.start, problem.goal))
@@ -55,11 +55,17 @@ class BidirectionalSearch:
             return path
 
 
-def _check_planar(query: ObjectPathQuery) -> None:
-    """Raises NoObjectPath for planar motion to a goal at another height or tilt, beyond the goal's tolerances."""
+def _check_planar(query: ObjectPathQuery, problem: ObjectPathProblem) -> None:
+    """Check that planar motion leads to the goal.
+
+    Raises:
+        InputError: it does not, and start or goal is in collision.
+        NoObjectPath: the goal is at another height or tilt, beyond its tolerances.
+    """
     start, goal = query.state.poses[query.goal.object], query.goal
     if query.scene.motion != "planar" or not has_to_be_lifted(start, goal):
         return
+    check_ends(problem)
     rise, tilt = 1e3 * (goal.pose[2] - start[2]), np.degrees(tilt_and_yaw(start, goal.pose)[0])
     raise NoObjectPath(
         f"no planar path of '{goal.object}' to its goal: planar motion keeps height and tilt, and the goal is "

@@ -73,12 +73,13 @@ class ObjectPathStrategy:
 
     def _follow(self, search: "Search", task: PathTask, blockers: tuple[str, ...]) -> Outcome:
         what = f", with {', '.join(blockers)} in the way" if blockers else ""
-        with search.context.record.tree.attempt(f"path of {len(task.poses)} poses{what}"):
+        with search.context.record.tree.attempt(f"path of {len(task.poses)} poses{what}") as node:
             task.ready = None
             wide = [name for name in blockers if grip_problem(search.context.scene, name, search.context.scene.robots)]
             if wide and task.number == 0 and task.subgoal.depth == 0:
                 stuck = _immovable(search, task, wide)
                 if stuck is not None:
+                    node.fail(stuck.stage, stuck.code, stuck.reason)
                     return Failure.of(stuck, ends_round=True)
             cleared = clear_path(search, task.subgoal, task.sequence, task.poses, blockers)
             if isinstance(cleared, Failure):
