@@ -28,7 +28,7 @@ os.environ["ROS_DOMAIN_ID"] = str(FIRST_DOMAIN + os.getpid() % DOMAINS)
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def graph(tmp_path_factory):
     """The graph with the tunnel loaded, and a session with it."""
     from hmap.launcher.processes import Graph
