@@ -3,6 +3,8 @@
 import threading
 
 from rclpy.action import ActionClient as RclpyActionClient
+from rclpy.action.client import ClientGoalHandle
+from unique_identifier_msgs.msg import UUID
 
 
 class ActionClient(RclpyActionClient):
@@ -20,6 +22,13 @@ class ActionClient(RclpyActionClient):
         """Send a goal; see rclpy."""
         with self._sending:
             return super().send_goal_async(*arguments, **options)
+
+    def handle_of(self, goal_id: UUID) -> ClientGoalHandle:
+        """The handle of a goal that the server works on, although its response never came.
+
+        A server drops a response that it sends before it has discovered the client's reader.
+        """
+        return ClientGoalHandle(self, goal_id, self._action_type.Impl.SendGoalService.Response(accepted=True))
 
     def _cancel_goal_async(self, goal_handle):
         with self._sending:

@@ -5,6 +5,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Self
+from uuid import uuid4
+
+from unique_identifier_msgs.msg import UUID
 
 from hmap.action_client import ActionClient
 from hmap.conversions import plan_from_message
@@ -107,7 +110,8 @@ class GoalInProgress:
         self._cancel = False
         self._lock = threading.Lock()
         self._sent = time.monotonic()
-        client.send_goal_async(message, self._take_feedback).add_done_callback(self._accepted)
+        self._client, self._id = client, UUID(uuid=list(uuid4().bytes))
+        client.send_goal_async(message, self._take_feedback, self._id).add_done_callback(self._accepted)
 
     @property
     def done(self) -> bool:
@@ -126,6 +130,8 @@ class GoalInProgress:
         elif self._ended_at is not None and time.monotonic() - self._ended_at > RESULT_REPEAT:
             self._ended_at = time.monotonic()  # the response was lost, as may happen when processes are killed
             self._handle.get_result_async().add_done_callback(self._answered)
+        elif self._handle is None and self.feedback is not None and time.monotonic() - self._sent > RESULT_REPEAT:
+            self._accept(self._client.handle_of(self._id))  # it is worked on, so the response was lost
         elif self._handle is None and time.monotonic() - self._sent > ACCEPT_LIMIT:
             self._end(f"the supervisor did not take the goal within {ACCEPT_LIMIT:g} s")
 
@@ -157,12 +163,20 @@ class GoalInProgress:
 
     def _accepted(self, future: Any) -> None:
         handle = future.result()
-        if not handle.accepted:
+        if handle.accepted:
+            self._accept(handle)
+        else:
             self._end("the supervisor refused the goal")
-            return
+
+    def _accept(self, handle: Any) -> None:
+        """Ask for the result, once."""
         with self._lock:
+            if self._handle is not None:
+                return
             self._handle = handle
             cancel = self._cancel
+            if self.feedback is not None and self.feedback.phase in ENDED:
+                self._ended_at = time.monotonic()
         handle.get_result_async().add_done_callback(self._answered)
         if cancel:
             handle.cancel_goal_async()

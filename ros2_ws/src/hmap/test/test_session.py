@@ -340,6 +340,15 @@ def test_a_result_that_was_lost_is_asked_for_again(graph, session, monkeypatch) 
     assert session.result(LONG).success
 
 
+def test_a_goal_that_is_worked_on_is_not_given_up_when_its_acceptance_was_lost(graph, session, monkeypatch) -> None:
+    monkeypatch.setattr("hmap.manipulation_goal.RESULT_REPEAT", 0.2)
+    monkeypatch.setattr(GoalInProgress, "_accepted", lambda goal, future: None)
+    graph.answers = [None]
+    session.manipulate()
+    session._goal._take_feedback(SimpleNamespace(feedback=SimpleNamespace(status=PlannerStatus(phase="done"))))
+    assert session.result(LONG).success
+
+
 def test_a_goal_that_nobody_takes_ends(graph, session, monkeypatch) -> None:
     monkeypatch.setattr("hmap.manipulation_goal.ACCEPT_LIMIT", 0.2)
     monkeypatch.setattr(session._client, "send_goal_async", lambda *_: Future())

@@ -44,6 +44,7 @@ from hmap_msgs_py.plans import statistics_to_messages
 from hmap_msgs_py.poses import pose_from_message
 
 FRAME = "world"
+SCENE_PATIENCE = 3.0  # s for the published scene to be received, by a supervisor that has just started
 LOADING_LIMIT = 30.0  # s for a scene to be loaded
 UNDISTURBED = 1.0  # s in which plan repair does not share the interpreter with callbacks; a cancellation waits as long
 REHEARSAL_LIMIT = 30.0  # s
@@ -240,7 +241,7 @@ class Supervisor(HmapNode):
     def _goal_scene(self, job: Job) -> Scene:
         """The scene with the goal that is asked for."""
         goal = job.goal
-        loaded = self._scene_monitor.scene()
+        loaded = self._scene_monitor.scene(SCENE_PATIENCE)
         if goal.task and (loaded is None or (loaded.task, loaded.seed) != (goal.task, int(goal.seed))):
             loaded = self._load(job)
         if loaded is None:

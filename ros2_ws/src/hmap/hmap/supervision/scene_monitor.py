@@ -65,9 +65,10 @@ class SceneMonitor:
         node.subscribe(BodyArray, "new_object", self._take_new, LATCHED)
         node.subscribe(ObjectClouds, "object_clouds", self._take_clouds, LATCHED)
 
-    def scene(self) -> Scene | None:
-        """The loaded scene, if there is one."""
+    def scene(self, patience: float = 0.0) -> Scene | None:
+        """The loaded scene, if one is published within ``patience`` seconds."""
         with self._news:
+            self._wait(lambda: self._scene is not None, time.monotonic() + patience)
             return self._scene
 
     def changed(self) -> float:
