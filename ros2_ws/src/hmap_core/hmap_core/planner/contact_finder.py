@@ -23,7 +23,8 @@ class ProposeAndCheck:
     """Implements :class:`hmap_core.planner.protocols.ContactFinder`.
 
     Robots are queried in the order of the query. The search stops once one contact covers the whole path; each robot
-    is queried only for contacts that reach farther than those of the robots before.
+    is queried only for contacts that reach farther than those of the robots before. What a proposer has after an empty
+    batch is checked only if no robot has a feasible contact without.
 
     Args:
         proposers: queried one after the other; sampled contacts come last.
@@ -43,7 +44,7 @@ class ProposeAndCheck:
         rng = np.random.default_rng(query.seed)
         surface = sampled_surface(query.scene, query.state, query.object, query.object_poses[0], rng)
         found: list[RobotContact] = []
-        checked = 0
+        searches: list[RobotSearch] = []
         robots = query.robots or tuple(query.scene.robots)
         for name in robots:
             beyond = max((contact.reach for contact in found), default=-1)
@@ -61,14 +62,13 @@ class ProposeAndCheck:
                 query.count,
                 deadline,
             )
-            before = checked
-            for proposer, batch in ((each, batch) for each in self.proposers for batch in each.propose(own)):
-                checked += len(batch)
-                feasible = self.checker.check(own, batch.contacts, beyond)
-                source = getattr(proposer, "name", "")
-                found += [replace(contact, proposer=source, checked=checked - before) for contact in feasible]
-                if feasible or time.monotonic() > deadline:
-                    break
+            searches.append(RobotSearch(self.proposers, self.checker, own))
+            found += searches[-1].find(beyond)
+        for search in searches:
+            if found:
+                break
+            found += search.find(to_the_end=True)
+        checked = sum(search.checked for search in searches)
         if not found:
             heavy = weight_problem(query.scene, query.object, robots, is_lifted(query.object_poses))
             raise ContactError(
@@ -78,6 +78,43 @@ class ProposeAndCheck:
             )
         found.sort(key=lambda contact: -contact_score(query.scene, contact))
         return found[: query.count or None]
+
+
+class RobotSearch:
+    """The search for contacts of one robot, which can be left and gone on with.
+
+    Args:
+        proposers: queried one after the other.
+        checker: checks what they propose.
+        query: of the robot.
+
+    Attributes:
+        checked: how many contacts were checked.
+    """
+
+    def __init__(self, proposers: Sequence[ContactProposer], checker: ContactChecker, query: ContactQuery):
+        self._checker, self._query = checker, query
+        self._batches = ((each, batch) for each in proposers for batch in each.propose(query))
+        self.checked = 0
+
+    def find(self, beyond: int = -1, to_the_end: bool = False) -> list[RobotContact]:
+        """Check batches until one has feasible contacts, one is empty, or the time is up.
+
+        Args:
+            beyond: index of the pose farther than which the contacts have to reach.
+            to_the_end: whether it goes on after an empty batch.
+        """
+        for proposer, batch in self._batches:
+            if not (batch or to_the_end):
+                break
+            self.checked += len(batch)
+            feasible = self._checker.check(self._query, batch.contacts, beyond)
+            if feasible:
+                source = getattr(proposer, "name", "")
+                return [replace(contact, proposer=source, checked=self.checked) for contact in feasible]
+            if time.monotonic() > self._query.deadline:
+                break
+        return []
 
 
 def contact_score(scene: Scene, contact: RobotContact) -> float:

@@ -116,7 +116,10 @@ class ContactProposer(Protocol):
     """
 
     def propose(self, query: ContactQuery) -> Iterator[ContactProposals]:
-        """Yield batches of contacts, the best batch first; an empty iterator where there are none."""
+        """Yield batches of contacts, the best batch first; an empty iterator where there are none.
+
+        An empty batch says that what follows costs more. Other robots are queried before that.
+        """
         ...
 
 

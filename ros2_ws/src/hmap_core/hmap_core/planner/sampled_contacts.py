@@ -78,6 +78,7 @@ class SampledContacts:
                 if total >= MAX_CONTACTS:
                     break
         if not limited:
+            yield ContactProposals(())
             free = self._free_for_hand(query, left)
             if free:
                 yield ContactProposals(tuple(free))
