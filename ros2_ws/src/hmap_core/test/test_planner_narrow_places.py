@@ -7,11 +7,13 @@ import pytest
 from simulation_fixtures import box, scene
 
 from hmap_core.contacts.feasibility import reach_bounds
+from hmap_core.exceptions import ContactError
 from hmap_core.planner import HmapPlanner, PlanningJob
 from hmap_core.planner.contact_checker import cleared
+from hmap_core.planner.contact_finder import ProposeAndCheck
 from hmap_core.planner.obstacle_removal import ObstacleRemoval
 from hmap_core.planner.outcome import Solution
-from hmap_core.planner.protocols import ContactQuery
+from hmap_core.planner.protocols import ContactProposals, ContactQuery, ContactSearchQuery
 from hmap_core.planner.sampled_contacts import SampledContacts
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
 from hmap_core.planner.strategies.attached_path import AttachedPathStrategy
@@ -46,10 +48,33 @@ def fitting(made, contacts) -> np.ndarray:
 
 def test_contacts_that_the_hand_can_make_in_a_narrow_place_are_proposed_last():
     made = bridge()
-    batches = [batch.contacts for batch in SampledContacts().propose(query(made))]
-    assert sum(fitting(made, batch).sum() for batch in batches[:-1]) < 40
-    assert len(batches[-1]) > 40
-    assert fitting(made, batches[-1]).all()
+    *ordinary, pause, costly = (batch.contacts for batch in SampledContacts().propose(query(made)))
+    assert sum(fitting(made, batch).sum() for batch in ordinary) < 40
+    assert not pause and len(costly) > 40
+    assert fitting(made, costly).all()
+
+
+def test_robots_are_asked_for_ordinary_contacts_before_any_is_asked_for_costly_ones():
+    made, asked = bridge(), []
+
+    class Proposer:
+        def propose(self, query):
+            for costly in (False, True):
+                asked.append((query.robot, costly))
+                yield ContactProposals(next(iter(SampledContacts().propose(query))).contacts[:1])
+                if not costly:
+                    yield ContactProposals(())
+
+    class Checker:
+        def check(self, query, contacts, beyond=-1):
+            return []
+
+    made = replace(made, robots=made.robots | {"other": made.robots["left"]})
+    cube = made.bodies["cube"].pose
+    search = ContactSearchQuery(made, made.start_state(), "cube", cube[None], robots=("left", "other"))
+    with pytest.raises(ContactError):
+        ProposeAndCheck([Proposer()], Checker()).find_contacts(search)
+    assert asked == [("left", False), ("other", False), ("left", True), ("other", True)]
 
 
 def test_the_same_seed_proposes_the_same_contacts():
