@@ -1,16 +1,18 @@
 """Restarts of a method until the judge accepts a plan, or until the time is up."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from hmap_core.baselines.given_moves import Move
 from hmap_core.exceptions import Code, MotionError, PlannerError
 from hmap_core.plan_file import to_dict
 from hmap_core.planner.assembly import assemble, scene_at
 from hmap_core.planner.interfaces import Progress, ProgressCallback, SubTrajectory
 from hmap_core.planner.protocols import Cancel
+from hmap_core.planner.segments.motion_sequence import MotionSequence
 from hmap_core.types import Plan, Scene, SceneState, SegmentKind
 from hmap_core.validation import check
 
@@ -115,3 +117,24 @@ def new_job(
         cancel or (lambda: False),
         began,
     )
+
+
+def move_by_move(
+    job: Job, moves: Sequence[Move], one_move: Callable[[Job, SceneState, Move], list[SubTrajectory] | None]
+) -> list[SubTrajectory] | None:
+    """The motions of moves one after the other; None where one fails.
+
+    Args:
+        job: the job.
+        moves: in their order.
+        one_move: the motions of a move from a state, or None.
+    """
+    sequence, found = MotionSequence(job.start), list[SubTrajectory]()
+    for move in moves:
+        motions = one_move(job, sequence.state, move)
+        if motions is None:
+            return None
+        for motion in motions:
+            sequence.add(motion)
+        found += motions
+    return found

@@ -28,6 +28,7 @@ TRANSIT_STEPS = 12  # of the motion to the pre-contact pose
 HOLD_STEPS = 16  # of the motion with the object, at least, where no pose is given on its way
 LEG_STEPS = 8  # of the motion between two given poses
 COARSE_STEPS = 20  # of each transfer, at which collisions are looked at first
+NOT_ON_THE_WAY = np.zeros((0, 7))  # poses through which an object that moves freely has to go
 ITERATIONS, OUTER = 500, 40  # Newton steps and multiplier updates at most; paths through narrow passages take many
 
 

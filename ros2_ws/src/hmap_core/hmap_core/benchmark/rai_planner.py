@@ -10,7 +10,8 @@ import numpy as np
 
 from hmap_core.baselines.given_moves import Move, given_moves
 from hmap_core.baselines.move_contacts import contacts_of_move
-from hmap_core.baselines.restarts import Job, new_job
+from hmap_core.baselines.restarts import Job, move_by_move, new_job
+from hmap_core.baselines.transfers import NOT_ON_THE_WAY
 from hmap_core.benchmark.instances import Attachment, MotionInstance, Target
 from hmap_core.benchmark.rai_side import prepare, robotic, solve
 from hmap_core.contacts.feasibility import draw_back, ik_problem
@@ -20,14 +21,12 @@ from hmap_core.planner.assembly import scene_at
 from hmap_core.planner.interfaces import ProgressCallback, RobotContact, SubTrajectory
 from hmap_core.planner.protocols import Cancel
 from hmap_core.planner.segments.contact_segment import ContactSegment
-from hmap_core.planner.segments.motion_sequence import MotionSequence
 from hmap_core.transforms import multiply
 from hmap_core.types import ContactPoint, Plan, Scene, SceneState
 
 STEPS = 20  # of each phase; RAI's phases are all alike
 RESTARTS = 2  # of RAI's solver with the same contact
 CONTACTS = 6  # of a move that are tried before all begins anew
-NOT_ON_THE_WAY = np.zeros((0, 7))
 
 
 class RaiLgpStar:
@@ -63,7 +62,7 @@ class RaiLgpStar:
         """
         job = new_job(self.name, scene, state, seed, time_limit, progress, cancel)
         moves = self._moves(job.scene)
-        return job.plan(lambda: _all_moves(job, moves))
+        return job.plan(lambda: move_by_move(job, moves, _one_move))
 
     def _moves(self, scene: Scene) -> list[Move]:
         return given_moves(scene, self._skeletons)
@@ -83,19 +82,6 @@ class RaiKomo(RaiLgpStar):
                 Code.UNKNOWN_TASK,
             )
         return [replace(moves[0], through=NOT_ON_THE_WAY)]
-
-
-def _all_moves(job: Job, moves: list[Move]) -> list[SubTrajectory] | None:
-    """The motions of all moves; None where one fails."""
-    sequence, found = MotionSequence(job.start), []
-    for move in moves:
-        motions = _one_move(job, sequence.state, move)
-        if motions is None:
-            return None
-        for motion in motions:
-            sequence.add(motion)
-        found += motions
-    return found
 
 
 def _one_move(job: Job, state: SceneState, move: Move) -> list[SubTrajectory] | None:

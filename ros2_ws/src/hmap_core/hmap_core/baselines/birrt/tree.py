@@ -5,10 +5,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hmap_core.baselines.birrt.manifold import Manifold
+from hmap_core.baselines.branches import Branching
 
 
 @dataclass(eq=False)
-class Node:
+class Node(Branching):
     """A configuration that a tree has reached.
 
     Attributes:
@@ -32,15 +33,6 @@ class Node:
     def q(self) -> np.ndarray:
         """Configuration (n,) of the robot in contact."""
         return self.path[-1]
-
-    def branch(self) -> "list[Node]":
-        """The nodes from the root's first child to this one."""
-        nodes: list[Node] = []
-        node: Node | None = self
-        while node is not None and node.parent is not None:
-            nodes.append(node)
-            node = node.parent
-        return nodes[::-1]
 
 
 class Tree:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from hmap_core.baselines.branches import Branching
 from hmap_core.baselines.cmgmp.fingers import NONE, Manipulator, Placement
 from hmap_core.baselines.cmgmp.forces import Balance
 from hmap_core.baselines.cmgmp.integrate import Integration, Mode, wanted
@@ -20,7 +21,7 @@ SHORTEST = 2  # poses of a branch, at least
 
 
 @dataclass(eq=False)
-class Node:
+class Node(Branching):
     """A pose that the tree has reached.
 
     Attributes:
@@ -39,15 +40,6 @@ class Node:
     touching: Touching
     to_goal: bool = False
     before: Placement | None = None  # at the beginning of the branch
-
-    def branch(self) -> "list[Node]":
-        """The nodes from the root's first child to this one."""
-        nodes: list[Node] = []
-        node: Node | None = self
-        while node is not None and node.parent is not None:
-            nodes.append(node)
-            node = node.parent
-        return nodes[::-1]
 
 
 @dataclass

@@ -8,14 +8,13 @@ from hmap_core.baselines.given_moves import Move, given_moves
 from hmap_core.baselines.komo.places import Places
 from hmap_core.baselines.move_contacts import contacts_of_move
 from hmap_core.baselines.restarts import Job, new_job
-from hmap_core.baselines.transfers import Transfer, TransferProblem
+from hmap_core.baselines.transfers import NOT_ON_THE_WAY, Transfer, TransferProblem
 from hmap_core.planner.interfaces import ProgressCallback, SubTrajectory
 from hmap_core.planner.protocols import Cancel
 from hmap_core.types import ContactPoint, Plan, Scene, SceneState
 
 GUESSES = 2  # further first guesses of the path with the same contacts
 USES = 8  # restarts for which the contacts of a move are used before others are sampled
-NOT_ON_THE_WAY = np.zeros((0, 7))
 
 
 @dataclass

@@ -7,7 +7,7 @@ from itertools import groupby
 import numpy as np
 
 from hmap_core.baselines.lgp.actions import Action, support_of
-from hmap_core.baselines.transfers import Transfer, TransferProblem
+from hmap_core.baselines.transfers import NOT_ON_THE_WAY, Transfer, TransferProblem
 from hmap_core.exceptions import Code, MotionError
 from hmap_core.planner import steps
 from hmap_core.planner.context import SearchContext
@@ -15,7 +15,6 @@ from hmap_core.planner.solution_sequence import SolutionSequence
 from hmap_core.types import ContactPoint
 
 GUESSES = 1  # further first guesses of a path with the same contacts
-NOT_ON_THE_WAY = np.zeros((0, 7))
 
 
 @dataclass(frozen=True)

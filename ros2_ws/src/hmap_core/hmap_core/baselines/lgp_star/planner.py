@@ -6,12 +6,11 @@ import numpy as np
 
 from hmap_core.baselines.given_moves import Move, given_moves
 from hmap_core.baselines.move_contacts import contacts_of_move
-from hmap_core.baselines.restarts import Job, new_job
+from hmap_core.baselines.restarts import Job, move_by_move, new_job
 from hmap_core.baselines.transfers import Transfer, TransferProblem
 from hmap_core.exceptions import MotionError
 from hmap_core.planner.interfaces import ProgressCallback, SubTrajectory
 from hmap_core.planner.protocols import Cancel
-from hmap_core.planner.segments.motion_sequence import MotionSequence
 from hmap_core.types import Plan, Scene, SceneState
 
 GUESSES = 2  # further first guesses of the path with the same contact
@@ -45,20 +44,7 @@ class LgpStar:
         """
         job = new_job("lgp*", scene, state, seed, time_limit, progress, cancel)
         moves = given_moves(job.scene, self.skeletons)
-        return job.plan(lambda: _all_moves(job, moves))
-
-
-def _all_moves(job: Job, moves: list[Move]) -> list[SubTrajectory] | None:
-    """The motions of all moves; None where one fails."""
-    sequence, found = MotionSequence(job.start), []
-    for move in moves:
-        motions = _one_move(job, sequence.state, move)
-        if motions is None:
-            return None
-        for motion in motions:
-            sequence.add(motion)
-        found += motions
-    return found
+        return job.plan(lambda: move_by_move(job, moves, _one_move))
 
 
 def _one_move(job: Job, state: SceneState, move: Move) -> list[SubTrajectory] | None:
