@@ -132,14 +132,19 @@ def mark_compiled() -> None:
 
 def _mark() -> Path:
     """Differs by what Numba's cache differs by: the sources, versions, and the processor."""
+    text = f"{os.environ.get(NUMBA_FOLDER, '')} {_compiler()}"  # the user's own folder
+    return cache_root() / source_hash() / f"compiled-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+
+
+@cache
+def _compiler() -> str:
+    """Versions of the compiler, and the processor that it compiles for; asked once, as that takes a millisecond."""
     import llvmlite
     import numba
     from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
 
     processor = get_host_cpu_name() + get_host_cpu_features().flatten()
-    folder = os.environ.get(NUMBA_FOLDER, "")  # the user's own
-    text = " ".join((folder, sys.version, numba.__version__, llvmlite.__version__, processor))
-    return cache_root() / source_hash() / f"compiled-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    return " ".join((sys.version, numba.__version__, llvmlite.__version__, processor))
 
 
 def remove_old_caches() -> None:

@@ -90,7 +90,7 @@ def test_a_search_among_many_parts_keeps_its_time_limit(limit):
     began = time.process_time()  # not the clock: other work on the machine does not count
     with pytest.raises(NoObjectPath, match=f"the search ended with its time limit of {limit} s") as error:
         plan_waypoints(problem, np.random.default_rng(0), limit)
-    assert time.process_time() - began < 1.1 * limit
+    assert time.process_time() - began < 1.1 * limit + 0.05  # a look at the clock that comes late
     assert not error.value.proven and "lid" in error.value.blockers
 
 
@@ -121,7 +121,7 @@ def test_a_search_of_pushes_among_many_parts_keeps_its_time_limit(limit, removab
     began = time.process_time()
     with pytest.raises(NoObjectPath):
         plan_waypoints(problem, np.random.default_rng(0), limit)
-    assert time.process_time() - began < 1.1 * limit
+    assert time.process_time() - began < 1.1 * limit + 0.05  # a look at the clock that comes late
 
 
 def test_a_path_among_many_parts_is_found_and_smoothed_well_within_its_time():

@@ -135,6 +135,11 @@ class Arm:
         R_ee, p_ee = self.T_tip_ee[:3, :3], self.T_tip_ee[:3, 3]
         return np.concatenate([p + R @ p_ee, quaternions(R @ R_ee)], axis=1)
 
+    def positions_of(self, point: np.ndarray, Q: np.ndarray) -> np.ndarray:
+        """Positions (M, 3) in the base frame of a point (3,) of the end-effector frame at configurations Q (M, n)."""
+        R, p = forward_last(np.ascontiguousarray(Q, float), self.parent, self.R_joint, self.p_joint, self.prismatic)
+        return p + R @ (self.T_tip_ee[:3, :3] @ point + self.T_tip_ee[:3, 3])
+
     def reach(self) -> np.ndarray:
         """Bound (n,) on the distance of all link points from each joint's axis, m; 1 for prismatic joints."""
         return self._reach.copy()

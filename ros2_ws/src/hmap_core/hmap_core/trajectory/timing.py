@@ -242,7 +242,7 @@ def _with_point(
     """
     length = float(curve.x[-1])
     h = POINT_STEP * length
-    before, here, after = (carried.position(curve(s + step)) for step in (-h, 0.0, h))
+    before, here, after = np.split(carried.position(curve(np.concatenate([s - h, s, s + h]))), 3)
     first, second = (after - before) / (2.0 * h), (after - 2.0 * here + before) / h**2
     norm = np.linalg.norm(first, axis=1)
     tangential = np.einsum("ij,ij->i", first, second) / np.maximum(norm, STILL)

@@ -38,7 +38,7 @@ GROWTH = 2
 # rounds with planar motion only, if spatial motion is allowed, too
 PLANAR_ROUNDS = 2
 # rounds after which it is looked whether obstacles enclose start or goal; most paths are found before
-ROUNDS_BEFORE_PROOF = 2
+ROUNDS_BEFORE_PROOF = 3
 
 
 @dataclass(frozen=True)

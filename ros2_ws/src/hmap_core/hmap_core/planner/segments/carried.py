@@ -5,10 +5,10 @@ import numpy as np
 from hmap_core.collision.convex import convex_set
 from hmap_core.contacts.grasp_torque import GRAVITY
 from hmap_core.contacts.grip_force import LIFT_ACCELERATION, pad_friction
-from hmap_core.planner.segments.attached import end_effector_poses
+from hmap_core.kinematics.arm import load_arm
 from hmap_core.stability.mass import centre_of_mass
 from hmap_core.trajectory.timing import PointLimits
-from hmap_core.transforms import apply, multiply_all, pose
+from hmap_core.transforms import apply
 from hmap_core.types import AttachedBody, Body, Gripper, Scene, TaskMode
 
 GRASP_SPEED = 0.5  # m/s of what is grasped
@@ -74,7 +74,6 @@ def attached(scene: Scene, robot: str) -> PointLimits | None:
 
 
 def _limits(scene: Scene, robot: str, centre: np.ndarray, speed: float, acceleration: float) -> PointLimits:
-    T_ee_centre = pose(centre)
-    return PointLimits(
-        lambda q: multiply_all(end_effector_poses(scene, robot, q), T_ee_centre)[:, :3], speed, acceleration
-    )
+    placed = scene.robots[robot]
+    arm = load_arm(placed.model)
+    return PointLimits(lambda q: apply(placed.base_pose, arm.positions_of(centre, q)), speed, acceleration)
