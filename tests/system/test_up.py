@@ -266,6 +266,29 @@ def test_one_node_runs_in_the_foreground_until_sigint():
     assert "Traceback" not in err
 
 
+MAPPED = """
+import os, signal, sys, threading
+from hmap.environment import prepare_process
+prepare_process()
+from hmap import node
+from hmap.nodes import world
+def segments():
+    return [line.split()[-1] for line in open("/proc/self/maps") if "/dev/shm/fastrtps_" in line]
+class World(world.WorldNode):
+    def started(self):
+        print(len(segments()) > 0)
+        threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+code = node.run(World, [])
+print(code, segments(), flush=True)
+os._exit(0)  # as a process that was forked ends: nothing is cleaned up after this
+"""
+
+
+def test_a_node_returns_its_shared_memory_before_its_process_ends():
+    done = subprocess.run([sys.executable, "-c", MAPPED], capture_output=True, text=True, timeout=LIMIT)
+    assert {"True", "0 []"} <= set(done.stdout.splitlines()), done.stderr
+
+
 @pytest.mark.parametrize(
     "arguments", [["nix"], ["world", "--ros-args", "-p", "task:=nix"], ["world", "--ros-args", "-p", "seed:=-1"]]
 )

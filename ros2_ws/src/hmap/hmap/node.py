@@ -1,5 +1,6 @@
 """The base class of all nodes: declared parameters, diagnostics, responses with errors, and a clean shutdown."""
 
+import gc
 import os
 import signal
 import sys
@@ -297,5 +298,7 @@ def run(make_node: NodeClass, args: list[str] | None = None) -> int:
     node.close()
     spinner.stop()
     node.destroy_node()
+    del node, executor, spinner
+    gc.collect()  # what refers to itself would keep the middleware's participant, and its shared memory, to the end
     rclpy.shutdown()
     return YES

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hmap.environment import ros_environment
+from hmap.launcher.shared_memory import remove_dead_segments
 from hmap.launcher.spares import Spare
 from hmap_core.exceptions import Code, ExecutionError, InputError
 
@@ -129,6 +130,7 @@ class Graph:
 
     def __enter__(self) -> "Graph":
         self.folder.mkdir(parents=True, exist_ok=True)
+        remove_dead_segments()
         self._environment = ros_environment()
         self._watcher = threading.Thread(target=self._watch, name="processes", daemon=True)
         self._watcher.start()
@@ -176,6 +178,7 @@ class Graph:
         late = [name for name in self.nodes if name == "recorder"]
         for names in ([name for name in self.nodes if name not in late], late):
             self._end([self.nodes[name] for name in names])
+        remove_dead_segments()  # of those that were killed
 
     def expected(self) -> list[str]:
         """The nodes that run, or have to."""

@@ -142,7 +142,7 @@ class Arm:
 
     def reach(self) -> np.ndarray:
         """Bound (n,) on the distance of all link points from each joint's axis, m; 1 for prismatic joints."""
-        return self._reach.copy()
+        return np.where(self.prismatic == 1, 1.0, self._link_bound)
 
     @property
     def length(self) -> float:
@@ -153,10 +153,6 @@ class Arm:
     def stroke(self) -> np.ndarray:
         """Largest displacement (n,) of each prismatic joint, m; 0 for revolute joints."""
         return np.where(self.prismatic == 1, np.abs(self.model.position_limits).max(axis=0), 0.0)
-
-    @cached_property
-    def _reach(self) -> np.ndarray:
-        return np.where(self.prismatic == 1, 1.0, self._link_bound)
 
     @cached_property
     def _link_bound(self) -> np.ndarray:
