@@ -57,6 +57,13 @@ def assert_free(problem, path):
     assert max(d for d, _ in steps) < 0.011 and max(a for _, a in steps) < np.deg2rad(3.1)
 
 
+def directions(path):
+    """Directions of a path's steps in degrees, without turns in place."""
+    steps = np.diff(path[:, :2], axis=0)
+    steps = steps[np.hypot(*steps.T) > 0.002]
+    return np.rad2deg(np.arctan2(steps[:, 1], steps[:, 0]))
+
+
 def test_a_crate_has_four_sides_and_turns_more_the_farther_from_its_middle_it_is_pushed():
     found = sides(CRATE, SlidingBody(CRATE, at(0, 0, 30)))
     headings = np.sort(np.rad2deg([side.heading for side in found]))
@@ -131,3 +138,19 @@ def test_ways_out_begin_at_the_start_and_lead_to_all_sides():
         np.testing.assert_allclose(way[0], at(0.1, 0.2, 30))
         assert np.linalg.norm(way[0, :2] - way[-1, :2]) == pytest.approx(0.03)
         assert_can_be_pushed(way)
+
+
+def test_a_direction_is_avoided_by_turns_on_the_way():
+    """As where no hand fits between the robot and the object: it is turned, and pushed on two other sides."""
+    task = problem(at(0.0, 0.0), at(0.06, -0.2))
+    planner = PushPlanner(task)
+    plain, around = (planner.path(straight(task), None, avoided) for avoided in ((), (0.0,)))
+    assert (np.abs(directions(plain)) < 10.0).any()
+    assert not (np.abs(directions(around)) < 10.0).any()
+    assert_can_be_pushed(around)
+    assert_free(task, around)
+
+
+def test_there_is_no_path_if_all_directions_are_avoided():
+    task = problem(at(0.0, 0.0), at(0.06, -0.2))
+    assert PushPlanner(task).path(straight(task), None, list(np.deg2rad(np.arange(0, 360, 45)))) is None

@@ -1,4 +1,4 @@
-"""Pushes that go on from where the object was brought, instead of from the start."""
+"""Pushes that go on from where the object was brought, instead of from the start, and in other directions."""
 
 from dataclasses import replace
 
@@ -10,6 +10,7 @@ from hmap_core.exceptions import Code
 from hmap_core.planner import HmapPlanner, PlanningJob
 from hmap_core.planner.outcome import Failure, Solution
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
+from hmap_core.planner.strategies.pushed_around import PushedAround
 from hmap_core.planner.strategies.pushed_on import PushedOn
 from hmap_core.planner.tasks import PathTask
 from hmap_core.transforms import pose
@@ -94,3 +95,52 @@ def test_a_path_that_ends_half_way_tells_what_was_reached(monkeypatch, reached):
     poses = np.array([pose(START), pose(HALF_WAY), pose(GOAL)])
     outcome = own.search.follow(Subgoal(goal), SolutionSequence(own.start), poses)
     assert isinstance(outcome, Failure) and outcome.reached is (there if reached else None)
+    assert outcome.at == (1 if reached else 0)
+
+
+class PushedAside:
+    """A search that follows paths as long as the object does not move along the x axis."""
+
+    def __init__(self, context):
+        self.context, self.tried = context, []
+
+    def follow(self, subgoal, sequence, poses, known=None):
+        self.tried.append(poses)
+        steps = np.diff(poses[:, :2], axis=0)
+        ahead = (steps[:, 0] > 0.002) & (np.abs(steps[:, 1]) < 0.2 * steps[:, 0])
+        if ahead.any():
+            return Failure("contacts", Code.NO_CONTACT, "none", at=int(ahead.argmax()))
+        return Solution(moved(sequence, subgoal.goal.object, poses[-1][:3]))
+
+
+def straight_task(own) -> PathTask:
+    poses = np.linspace(own.start.poses["cube"], np.r_[GOAL, own.start.poses["cube"][3:]], 30)
+    return PathTask(
+        Subgoal(own.scene.goal), SolutionSequence(own.start), 0, poses=poses, ready=SolutionSequence(own.start)
+    )
+
+
+def test_what_is_not_pushed_in_one_direction_is_turned_and_pushed_in_others():
+    own = job()
+    search, task = PushedAside(own.context), straight_task(own)
+    assert not PushedAround().applies(task)
+    task.stopped(
+        Failure("contacts", Code.NO_CONTACT, "none", at=3), np.array([pose((0.01 * k, 0, 0)) for k in range(9)])
+    )
+    assert task.unserved == [0.0] and PushedAround().applies(task)
+    outcome = PushedAround().solve(search, task)
+    assert isinstance(outcome, Solution)
+    np.testing.assert_allclose(outcome.sequence.state.poses["cube"][:3], GOAL, atol=1e-6)
+
+
+def test_a_path_that_was_not_followed_tells_no_direction():
+    task = straight_task(job())
+    task.stopped(Failure("planner", Code.NO_CONTACT, "an obstacle stays"), task.poses)
+    assert task.unserved == []
+
+
+def test_what_a_hand_grips_is_not_pushed_around():
+    own = job(0.05)
+    search, task = PushedAside(own.context), straight_task(own)
+    task.unserved.append(0.0)
+    assert isinstance(PushedAround().solve(search, task), Failure) and search.tried == []

@@ -15,6 +15,7 @@ lazy PRM", ICRA 2000).
 """
 
 import heapq
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 
@@ -43,6 +44,9 @@ SHORT, SHORT_COST = 0.03, 0.3  # m; legs shorter than the first number cost the 
 SIDE_COST_FACTOR, CONNECTION_COST_FACTOR = 4.0, 1.5
 NODE_STEP = 0.08  # m between poses of the path that can be connected; a rotation by 1 rad counts as the body's radius
 MAX_NODES = 24  # largest number of poses that can be connected
+MAX_TURNED_NODES = 8  # the same if each is turned in two ways as well
+TURNED = float(np.deg2rad(45.0))  # rad; turns on the way, so that the sides face other directions
+AVOIDED = float(np.deg2rad(30.0))  # rad between a leg and a direction that is avoided
 MAX_LEGS = 4000  # number of checked legs after which the search fails
 ARC_STEP = float(np.deg2rad(3.0))  # rad; arcs are checked and sampled as chords
 LEVEL = 1e-3  # m; largest height difference of a planar path
@@ -171,13 +175,17 @@ class PushPlanner:
         )
         self._legs_left = MAX_LEGS
 
-    def path(self, poses: np.ndarray, rng: np.random.Generator | None) -> np.ndarray | None:
+    def path(
+        self, poses: np.ndarray, rng: np.random.Generator | None, avoided: Sequence[float] = ()
+    ) -> np.ndarray | None:
         """Plan a free path of pushes near a given planar path.
 
         Args:
             poses: (M, 7) free path from the problem's start to its goal.
             rng: increases the cost of some sides at random, so that each call finds another path; None: the shortest
                 path.
+            avoided: directions in rad, world frame, in which the object is not pushed; it may turn on its way then, so
+                that others serve.
 
         Returns:
             Poses (K, 7). None if the given path rises, if the body does not stand on its support or has no flat sides,
@@ -187,8 +195,9 @@ class PushPlanner:
             return None
         self._legs_left = MAX_LEGS
         side_cost = np.ones(len(self.sides)) if rng is None else rng.uniform(1.0, SIDE_COST_FACTOR, len(self.sides))
-        nodes = self._nodes(poses)
-        states = [self._state(T) for T in nodes]
+        states = [self._state(T) for T in self._nodes(poses, MAX_TURNED_NODES if avoided else MAX_NODES)]
+        if avoided:
+            states = _with_turns(states)
         order, before = count(), {}
         queue: list[tuple[float, int, int, int, tuple[Leg, ...]]] = [(0.0, 0, 0, -1, ())]
         while queue:
@@ -202,6 +211,8 @@ class PushPlanner:
                 return self._dense_path(poses[0], poses[-1], states, before)
             for to in range(at + 1, len(states)):
                 for legs_to in self._connections(states[at], states[to]):
+                    if any(_is_along(leg, direction) for leg in legs_to for direction in avoided):
+                        continue
                     more = sum(side_cost[leg.side] * self._cost(leg) for leg in legs_to)
                     more *= 1.0 if rng is None else rng.uniform(1.0, CONNECTION_COST_FACTOR)
                     heapq.heappush(queue, (cost + more, next(order), to, at, legs_to))
@@ -212,11 +223,11 @@ class PushPlanner:
         short = SHORT_COST if leg.length < SHORT else 0.0
         return LEG_COST + short + leg.length + UNCERTAIN_TURN_COST * abs(leg.turn) * uncertain
 
-    def _nodes(self, poses: np.ndarray) -> np.ndarray:
-        """Poses of a path that can be connected: evenly distributed along it, including both ends."""
+    def _nodes(self, poses: np.ndarray, most: int) -> np.ndarray:
+        """At most ``most`` poses of a path that can be connected: evenly distributed along it, including both ends."""
         steps = [d + self.checker.radius * angle for d, angle in map(distance, poses[:-1], poses[1:])]
         way = np.concatenate([[0.0], np.cumsum(steps)])
-        wanted = np.linspace(0.0, way[-1], int(np.clip(np.ceil(way[-1] / NODE_STEP), 1, MAX_NODES - 1)) + 1)
+        wanted = np.linspace(0.0, way[-1], int(np.clip(np.ceil(way[-1] / NODE_STEP), 1, most - 1)) + 1)
         return poses[np.unique(np.searchsorted(way, wanted - MIN_LENGTH))]
 
     def _state(self, T: np.ndarray) -> np.ndarray:
@@ -300,6 +311,18 @@ class PushPlanner:
                 state = along[-1]
         corners[-1] = last
         return consistent(resample(np.array(corners))[0])
+
+
+def _with_turns(states: list[np.ndarray]) -> list[np.ndarray]:
+    """States (3,), each turned in place to both sides as well; the first and the last stay at the ends."""
+    *others, last = states
+    before = [state + [0.0, 0.0, turn] for state in others for turn in (0.0, TURNED, -TURNED)]
+    return [*before, last + [0.0, 0.0, TURNED], last - [0.0, 0.0, TURNED], last]
+
+
+def _is_along(leg: Leg, direction: float) -> bool:
+    """Whether a leg goes in a direction (rad), on the average."""
+    return abs(_wrapped(leg.heading + 0.5 * leg.turn - direction)) < AVOIDED
 
 
 def _turned(p: np.ndarray, yaw: float) -> np.ndarray:

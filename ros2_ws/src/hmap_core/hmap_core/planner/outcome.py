@@ -43,6 +43,7 @@ class Failure:
         error: the error that says so, where there is one.
         ends_round: no other strategy can help as long as the object's path is the same.
         reached: what was done until then, if it has brought the object on.
+        at: index of the pose of the object's path from which no contact brought it on; None if no path was followed.
     """
 
     stage: str
@@ -51,6 +52,7 @@ class Failure:
     error: HmapError | None = None
     ends_round: bool = False
     reached: SolutionSequence | None = None
+    at: int | None = None
 
     @staticmethod
     def of(error: HmapError, ends_round: bool = False) -> "Failure":

@@ -133,7 +133,7 @@ class Search:
             with self.context.record.tree.attempt(f"waypoint {len(waypoints) + 1}: pose {at} of {len(poses) - 1}"):
                 outcome = self.run((*self.contact_strategies(task), *LAST_STRATEGIES), task)
             if isinstance(outcome, Failure):
-                return replace(outcome, reached=sequence if at else None)
+                return replace(outcome, reached=sequence if at else None, at=at)
             sequence, known = outcome.sequence, outcome.known
             if outcome.reach:
                 at += outcome.reach

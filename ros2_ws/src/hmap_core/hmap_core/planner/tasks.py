@@ -12,10 +12,13 @@ from hmap_core.planner.contact_filters import (
     covering,
 )
 from hmap_core.planner.context import SearchContext
+from hmap_core.planner.outcome import Failure
 from hmap_core.planner.relaxed import RelaxedSolution
 from hmap_core.planner.sampled_presses import press_finder
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
 from hmap_core.types import ContactPoint
+
+DIRECTION_STEP = 0.005  # m of a path that show its direction
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,7 @@ class PathTask:
         poses: (M, 7) the last path that was planned for the object alone.
         ready: the sequence once obstacles were removed from that path; None: they could not be, or there is no path.
         reached: what was done on the last path that could not be followed to its end.
+        unserved: directions (rad, world frame) in which no contact brought the object on.
         hands: contacts that serve at the start and at the goal, as far as they were found.
         relay: whether robots grasp the object, and none of them reaches one grasp at both ends.
     """
@@ -58,6 +62,7 @@ class PathTask:
     poses: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
     ready: SolutionSequence | None = None
     reached: SolutionSequence | None = None
+    unserved: list[float] = field(default_factory=list)
     hands: list[EndGrasp] = field(default_factory=list)
     relay: bool = False
 
@@ -75,6 +80,21 @@ class PathTask:
     def may_slide(self) -> bool:
         """Whether the object may be pushed and dragged, and no other robot has to take it over anyway."""
         return self.may_change_contacts and not self.relay
+
+    def stopped(self, failure: Failure, poses: np.ndarray) -> None:
+        """Note how far a path of the object was followed, and in which direction it would have gone on.
+
+        Args:
+            failure: of following it.
+            poses: (M, 7) the path, world frame.
+        """
+        self.reached = failure.reached or self.reached
+        if failure.at is None:
+            return
+        way = poses[failure.at + 1 :, :2] - poses[failure.at, :2]
+        far = np.flatnonzero(np.hypot(*way.T) > DIRECTION_STEP)
+        if len(far):
+            self.unserved.append(float(np.arctan2(*way[far[0], ::-1])))
 
     def require_ready(self) -> SolutionSequence:
         """The sequence once obstacles were removed from the last path.

@@ -13,6 +13,7 @@ from hmap_core.planner.strategies.new_tool import NewTool
 from hmap_core.planner.strategies.object_path import ObjectPathStrategy
 from hmap_core.planner.strategies.pick_and_place import PickAndPlace
 from hmap_core.planner.strategies.pressed_path import PressedPath
+from hmap_core.planner.strategies.pushed_around import PushedAround
 from hmap_core.planner.strategies.pushed_on import PushedOn
 from hmap_core.planner.strategies.pushed_paths import PushedPaths
 from hmap_core.planner.strategies.remove_obstacles import RemoveObstacles
@@ -29,6 +30,7 @@ PATH_STRATEGIES = (
     SlideFirst(),
     PushedPaths(),
     PushedOn(),
+    PushedAround(),
     PressedPath(),
     EndsCheck(),  # what follows begins with a grasp, a push or a press
     CarryTogether(),

@@ -66,7 +66,7 @@ class ObjectPathStrategy:
             outcome = self._follow(search, task, blockers)
             if isinstance(outcome, Solution) or outcome.ends_round:
                 return outcome
-            task.reached = outcome.reached or task.reached
+            task.stopped(outcome, task.poses)
             if blockers or counts["contact_tries"] > tries:
                 break
         return outcome

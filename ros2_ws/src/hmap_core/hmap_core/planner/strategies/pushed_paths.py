@@ -50,5 +50,5 @@ class PushedPaths:
                 outcome = search.follow(task.subgoal, ready, pushed)
             if isinstance(outcome, Solution) or outcome.ends_round:
                 return outcome
-            task.reached = outcome.reached or task.reached
+            task.stopped(outcome, pushed)
         return context.record.last_failure()
