@@ -22,6 +22,7 @@ from hmap_core.cli import main
 
 START = 120.0  # s for a single node to be up on a busy machine
 LIMIT = 400.0  # s on a busy machine
+ORPHANED = 60.0  # s on a busy machine for nodes to end after the command was killed
 RECORDED = {
     "/joint_states": "sensor_msgs/msg/JointState",
     "/world_state": "hmap_msgs/msg/WorldState",
@@ -227,6 +228,44 @@ def test_sigint_ends_everything_quietly(tmp_path):
     assert not [p for p in (folder / "logs").glob("*.log") if "Traceback" in p.read_text()]
     time.sleep(0.5)
     assert not [pid for pid in children if os.path.exists(f"/proc/{pid}")]
+
+
+@pytest.mark.slow
+def test_nothing_is_left_over_where_the_command_itself_is_killed(tmp_path):
+    up = subprocess.Popen(
+        command("up", "published/bolt", "--out", str(tmp_path)),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    for line in up.stderr:
+        if "] up" in line:
+            break
+    children = Path(f"/proc/{up.pid}/task/{up.pid}/children").read_text().split()
+    up.kill()
+    up.communicate(timeout=LIMIT)
+    until = time.monotonic() + ORPHANED
+    while left := [pid for pid in children if os.path.exists(f"/proc/{pid}")]:
+        assert time.monotonic() < until, left
+        time.sleep(POLL)
+
+
+@pytest.mark.slow
+def test_supervisor_and_planners_in_one_process_solve_the_tunnel(tmp_path):
+    """And each of their services is there all the same."""
+    up = subprocess.run(
+        command("up", "tunnel", "--composed", "--no-viewer", "--no-picture", "--json", "--out", str(tmp_path)),
+        capture_output=True,
+        text=True,
+        timeout=LIMIT,
+    )
+    assert up.returncode == 0, up.stderr
+    assert json.loads(up.stdout)["solved"]
+    assert all(name in up.stderr for name in SERVICES)
+    (folder,) = tmp_path.iterdir()
+    logs = {path.stem: path.read_text() for path in (folder / "logs").glob("*.log")}
+    assert set(logs) == {"composed_planning", "world", "perception", "recorder"}
+    assert not [name for name, text in logs.items() if "Traceback" in text]
 
 
 def test_an_unknown_task_is_refused_before_anything_starts(tmp_path):

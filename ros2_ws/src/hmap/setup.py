@@ -13,6 +13,7 @@ NODES = (
     "recorder",
     "dynamic_obstacles",
     "viewer",
+    "composed_planning",
 )
 COMMANDS = ("bag", "cell", "compare", "doctor", "evaluate", "run", "up")
 

@@ -18,6 +18,7 @@ GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"  # set by the wheels' bootstrapper afte
 LIBRARIES = "LD_LIBRARY_PATH"
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+LAUNCHER = "HMAP_LAUNCHER"  # number of the process that started this one, and ends it
 PACKAGE = "hmap"
 
 

@@ -7,7 +7,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -23,7 +23,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
-from hmap.environment import ros_environment
+from hmap.environment import LAUNCHER, ros_environment
 from hmap.heartbeats import offer_heartbeat
 from hmap.problem_log import ProblemLog
 from hmap.spinning import Spinner, WorkExecutor
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 THREADS = 12  # per process; some callbacks wait for a response or for the end of a motion
 DIAGNOSTICS_PERIOD = 1.0  # s
 RETRY_PERIOD = 0.1  # s of waiting after an error that reached the executor
+LAUNCHER_PERIOD = 1.0  # s between two looks at whether the launcher lives
 RCLError, UnknownROSArgsError = rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError
 YES, NO, BAD_INPUT = 0, 1, 2  # exit codes
 WARM_UP = "plan a small task while waiting, so that the first request is as fast as later ones"
@@ -256,10 +257,7 @@ class NodeClass(Protocol):
 
 
 def run(make_node: NodeClass, args: list[str] | None = None) -> int:
-    """Run a node until SIGINT or SIGTERM.
-
-    rclpy's own signal handlers would shut the context down while callbacks run. Here the order is: callbacks, executor,
-    node, context.
+    """Run a node until SIGINT or SIGTERM, or until its launcher has died.
 
     Args:
         make_node: the class of the node.
@@ -268,8 +266,25 @@ def run(make_node: NodeClass, args: list[str] | None = None) -> int:
     Returns:
         The exit code.
     """
+    return run_nodes(lambda: [make_node()], make_node.plans, args)
+
+
+def run_nodes(make_nodes: Callable[[], Sequence[HmapNode]], plans: bool, args: list[str] | None = None) -> int:
+    """Run nodes in this process until SIGINT or SIGTERM, or until the launcher has died. Each has its own executor.
+
+    rclpy's own signal handlers would shut the context down while callbacks run. Here the order is: callbacks, executor,
+    node, context.
+
+    Args:
+        make_nodes: makes the nodes; an executor looks at all entities of its nodes whenever one of them has news.
+        plans: whether they run compiled code, which is compiled before they start.
+        args: ROS arguments; default: those of the process.
+
+    Returns:
+        The exit code.
+    """
     collect_rarely()
-    if make_node.plans:
+    if plans:
         ensure_compiled(lambda text: print(text, file=sys.stderr, flush=True))
     os.environ.update(ros_environment())
     stop = threading.Event()
@@ -281,7 +296,7 @@ def run(make_node: NodeClass, args: list[str] | None = None) -> int:
         print("ROS arguments:", *str(error).split(), file=sys.stderr)
         return BAD_INPUT
     try:
-        node = make_node()
+        nodes = make_nodes()
     except (HmapError, ParameterException, InvalidParameterTypeException, InvalidParameterValueException) as error:
         print(" ".join(str(error).split()), file=sys.stderr)
         rclpy.shutdown()
@@ -290,15 +305,28 @@ def run(make_node: NodeClass, args: list[str] | None = None) -> int:
         traceback.print_exc()
         rclpy.shutdown()
         return NO
-    executor = WorkExecutor(THREADS) if node.waits else SingleThreadedExecutor()
-    executor.add_node(node)
-    spinner = node.spinner = Spinner(executor, node.callback_failed)
-    node.started()
-    stop.wait()
-    node.close()
-    spinner.stop()
-    node.destroy_node()
-    del node, executor, spinner
+    for node in nodes:
+        executor = WorkExecutor(THREADS) if node.waits else SingleThreadedExecutor()
+        executor.add_node(node)
+        node.spinner = Spinner(executor, node.callback_failed)
+    for node in nodes:
+        node.started()
+    while not stop.wait(LAUNCHER_PERIOD) and not launcher_died():
+        pass
+    for node in nodes:
+        node.close()
+    for node in nodes:
+        if node.spinner is not None:
+            node.spinner.stop()
+    for node in nodes:
+        node.destroy_node()
+    del nodes, node, executor
     gc.collect()  # what refers to itself would keep the middleware's participant, and its shared memory, to the end
     rclpy.shutdown()
     return YES
+
+
+def launcher_died() -> bool:
+    """Whether this process was started by a launcher that does not live any more, so that nobody would end it."""
+    launcher = os.environ.get(LAUNCHER)
+    return launcher is not None and os.getppid() != int(launcher)

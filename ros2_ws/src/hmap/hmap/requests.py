@@ -156,23 +156,24 @@ class Caller:
 
     def _wait_for(self, client: Client, name: str) -> None:
         until, told = time.monotonic() + self._patience, False
-        while self._lost(name) or not client.service_is_ready():
+        while self.lost(name) or not client.service_is_ready():
             self._check_canceled()
             role = OFFERED_BY.get(name, name)
-            if self._lost(name) and not told:
+            if self.lost(name) and not told:
                 told = True
                 text = f"the node {role!r} has died; it gets {self._patience:g} s to be started anew"
                 self._node.get_logger().warning(text)
                 self._tell(text)
             if time.monotonic() > until:
-                died = f": the node {role!r} has died" if self._lost(name) else f": is the node {role!r} running?"
+                died = f": the node {role!r} has died" if self.lost(name) else f": is the node {role!r} running?"
                 raise PlannerError(
                     f"no node has offered the service {name!r} for {self._patience:g} s{died}",
                     Code.SERVICE_UNAVAILABLE,
                 )
             self._node.stopping.wait(POLL)
 
-    def _lost(self, name: str) -> bool:
+    def lost(self, name: str) -> bool:
+        """Whether the node that offers a service, and that is watched, has died."""
         heartbeat = self._heartbeats.get(name)
         return heartbeat is not None and heartbeat.lost
 
@@ -182,7 +183,7 @@ class Caller:
             now = time.monotonic()
             if now > deadline:
                 raise PlannerError(f"the service {name!r} did not answer in time", Code.TIME_LIMIT)
-            if now >= again or self._lost(name):
+            if now >= again or self.lost(name):
                 self._wait_for(client, name)
                 future = client.call_async(request)
                 asked.append(future)

@@ -5,6 +5,9 @@ from collections.abc import Callable
 from contextlib import contextmanager
 from typing import Any
 
+from rclpy.action import ActionClient
+from rclpy.client import Client
+from rclpy.event_handler import EventHandler
 from rclpy.executors import (
     ConditionReachedException,
     Executor,
@@ -16,6 +19,7 @@ from rclpy.executors import (
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.subscription import Subscription
 
+SHORT = (Subscription, Client, ActionClient, EventHandler)  # entities whose callbacks do not wait
 InvalidHandle, RCLError = rclpy_implementation.InvalidHandle, rclpy_implementation.RCLError
 # in the error where an action server was destroyed while it was waited for; rclpy ignores that of other entities
 DESTROYED = "to wait set"
@@ -24,7 +28,8 @@ DESTROYED = "to wait set"
 class WorkExecutor(MultiThreadedExecutor):
     """Runs callbacks in a pool of threads, but those of subscriptions, which do not wait, in the thread that spins.
 
-    A message then costs neither a change of threads nor another look at everything that the node waits for.
+    A message then costs neither a change of threads nor another look at everything that the node waits for. The same
+    holds for responses of services and actions, and for what the middleware tells of topics.
     """
 
     def _spin_once_impl(self, timeout_sec: Any = None, wait_condition: Callable[[], bool] = lambda: False) -> None:
@@ -33,15 +38,28 @@ class WorkExecutor(MultiThreadedExecutor):
         except (ExternalShutdownException, ShutdownException, TimeoutException, ConditionReachedException):
             return
         handler, entity, _ = ready
-        if isinstance(entity, Subscription):
+        if isinstance(entity, SHORT):
             handler()
             handler.result()  # raises its exception
             return
-        self._executor.submit(handler)
+        # Until a thread of the pool has begun it, rclpy would hand it out again and again, and while it does so, this
+        # thread keeps the interpreter from that one, for 5 ms each time.
+        with self._tasks_lock:
+            self._tasks = [entry for entry in self._tasks if entry[0] is not handler]
+        self._executor.submit(self._work, ready)
         self._futures.append(handler)
         for future in [future for future in self._futures if future.done()]:
             self._futures.remove(future)
             future.result()
+
+    def _work(self, ready: tuple[Any, Any, Any]) -> None:
+        """Run a callback in the pool."""
+        handler, _, _ = ready
+        handler()
+        if not handler.done():  # it awaits something; rclpy goes on with it
+            with self._tasks_lock:
+                self._tasks.append(ready)
+            self.wake()
 
 
 class Spinner:

@@ -29,9 +29,9 @@ class Serving:
     def __init__(self):
         checker = LocalContactChecker()
         node = {"get_logger": lambda: logging.getLogger(__name__)}
-        paths = SimpleNamespace(_planner=BidirectionalSearch(), _time_limit=LIMIT, **node)
+        paths = SimpleNamespace(planner=BidirectionalSearch(), _time_limit=LIMIT, **node)
         contacts = SimpleNamespace(_proposers=proposers(None), _checker=checker, _time_limit=LIMIT, _count=40, **node)
-        motions = SimpleNamespace(_checker=checker, _segments=KomoSegmentPlanner(), _time_limit=LIMIT, **node)
+        motions = SimpleNamespace(_checker=checker, segments=KomoSegmentPlanner(), _time_limit=LIMIT, **node)
         self._handlers = {
             "plan_waypoints": partial(WaypointPlanner._plan, paths),
             "propose_contacts": partial(ContactProposerNode._propose, contacts),

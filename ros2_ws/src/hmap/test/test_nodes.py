@@ -1,6 +1,7 @@
 """What holds for every node."""
 
 import ast
+import os
 import signal
 from importlib import import_module
 from pathlib import Path
@@ -11,8 +12,9 @@ from rclpy.node import Node
 
 import hmap
 from hmap.commands.run import nodes
+from hmap.environment import LAUNCHER
 from hmap.naming import Naming
-from hmap.node import BAD_INPUT, HmapNode, run
+from hmap.node import BAD_INPUT, HmapNode, launcher_died, run
 from hmap_core.exceptions import InputError
 
 FOLDER = Path(hmap.__file__).parent
@@ -95,3 +97,11 @@ def test_no_topic_or_service_name_is_absolute():
             ):
                 texts = [a.value for a in node.args if isinstance(a, ast.Constant) and isinstance(a.value, str)]
                 assert not [text for text in texts if text.startswith("/")], path
+
+
+@pytest.mark.parametrize(("number", "died"), [(None, False), (os.getppid(), False), (os.getpid(), True)])
+def test_a_node_knows_whether_its_launcher_lives(monkeypatch, number, died):
+    monkeypatch.delenv(LAUNCHER, raising=False)
+    if number is not None:
+        monkeypatch.setenv(LAUNCHER, str(number))
+    assert launcher_died() is died

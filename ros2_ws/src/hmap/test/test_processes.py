@@ -88,3 +88,35 @@ def test_the_supervisor_waits_longer_where_nodes_are_started_anew(graph, tmp_pat
     graph.start("supervisor")
     log = tmp_path / "logs" / "supervisor.log"
     until(lambda: log.exists() and "service_patience:=30.0" in log.read_text())
+
+
+def test_a_node_that_a_signal_has_stopped_is_killed_and_started_anew(graph, monkeypatch):
+    monkeypatch.setattr(processes, "STOPPED_LIMIT", 0.2)
+    graph.start("perception")
+    node = graph.nodes["perception"]
+    until(lambda: node.log.exists() and node.log.read_text())
+    os.killpg(node.process.pid, signal.SIGSTOP)
+    until(lambda: node.starts == 2)
+    assert "was stopped by a signal" in graph.news()[0]
+    graph.check()
+
+
+def test_a_stopped_node_ends_with_the_others_as_if_it_ran(graph, monkeypatch):
+    monkeypatch.setattr(processes, "END_TIMEOUT", LIMIT)
+    graph.start("world")
+    node = graph.nodes["world"]
+    until(lambda: node.log.exists() and node.log.read_text())
+    os.killpg(node.process.pid, signal.SIGSTOP)
+    graph.end()
+    assert node.code == -signal.SIGINT
+
+
+def test_the_parameters_of_several_nodes_in_one_process_are_those_of_its_supervisor(graph):
+    graph.start("composed_planning", {"dry_run": True})
+    log = graph.nodes["composed_planning"].log
+    until(lambda: log.exists() and log.read_text())
+    given = log.read_text().split()
+    assert {"supervisor:dry_run:=true", "supervisor:use_sim_time:=true", "supervisor:service_patience:=30.0"} <= {
+        *given
+    }
+    assert set(graph.expected()) == {"supervisor", "waypoint_planner", "contact_proposer", "komo_optimiser"}

@@ -1,6 +1,7 @@
 """What is compared with a plan is where everything stands after a motion, not what was last heard of before its end."""
 
 import threading
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -258,3 +259,13 @@ def test_older_clouds_replace_nothing(scene):
     message.header.stamp = time_to_message(3600.0)
     with pytest.raises(ConversionError, match="clouds is stamped 3598.00 s ahead"):
         scene_monitor._node.callbacks["object_clouds"](message)
+
+
+@pytest.mark.parametrize("died", [False, True])
+def test_a_clock_that_stands_excuses_silence_unless_who_publishes_it_has_died(scene, died):
+    node = FakeNode(2.0)
+    scene_monitor = SceneMonitor(node, stale_after=0.01, clock_died=lambda: died)
+    node.callbacks["scene"](scene_to_message(scene))
+    node.callbacks["world_state"](state_to_message(scene, scene.start_state(), time_to_message(1.9)))
+    time.sleep(0.05)
+    assert scene_monitor.silent() is died

@@ -1,21 +1,23 @@
 """The thread that runs callbacks: it can be held up for a moment, and ended at any time."""
 
 import threading
+import time
 from types import SimpleNamespace
 
 import pytest
 from rclpy.context import Context
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.task import Future
 
-from hmap.spinning import InvalidHandle, RCLError, Spinner
+from hmap.spinning import InvalidHandle, RCLError, Spinner, WorkExecutor
 
 PERIOD = 0.01  # s between two calls
 LONG = 60.0  # s; a test that waits so long has failed
 QUIET = 0.3  # s in which many calls would come
 
 
-@pytest.fixture(params=[SingleThreadedExecutor, MultiThreadedExecutor])
+@pytest.fixture(params=[SingleThreadedExecutor, MultiThreadedExecutor, WorkExecutor])
 def ticking(request):
     """A spinner, and an event that a timer of its node sets again and again."""
     context, ticked = Context(), threading.Event()
@@ -103,3 +105,43 @@ def test_what_is_destroyed_while_it_is_waited_for_is_no_error(error):
     assert executor.again.wait(60.0)
     spinner.stop()
     assert not errors
+
+
+def test_a_callback_is_handed_to_the_pool_once_however_late_a_thread_begins_it():
+    context = Context()
+    context.init()
+    node = Node("busy", context=context)
+    node.create_timer(PERIOD, lambda: None)
+    executor = WorkExecutor(2, context=context)
+    executor.add_node(node)
+    waiting = []
+    executor._executor = SimpleNamespace(submit=lambda *work: waiting.append(work))
+    until = time.monotonic() + QUIET
+    while time.monotonic() < until:
+        executor._spin_once_impl(QUIET)
+    assert len(waiting) == 1
+    work, *arguments = waiting.pop()
+    work(*arguments)
+    executor._spin_once_impl(LONG)
+    assert len(waiting) == 1
+    node.destroy_node()
+    context.shutdown()
+
+
+def test_what_awaits_something_goes_on_afterwards():
+    context = Context()
+    context.init()
+    executor = WorkExecutor(2, context=context)
+    future, ended = Future(executor=executor), threading.Event()
+
+    async def wait() -> None:
+        await future
+        ended.set()
+
+    spinner = Spinner(executor, lambda error: None)
+    executor.create_task(wait)
+    assert not ended.wait(QUIET)
+    future.set_result(None)
+    assert ended.wait(LONG)
+    spinner.stop()
+    context.shutdown()

@@ -6,13 +6,19 @@ import json
 import os
 import tempfile
 import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 from hmap.environment import prepare_process
+from hmap.launcher.processes import COMPOSED, Graph
 from hmap_core.cli.main import count, seed_argument
 from hmap_core.command_line import keep_for_results
+from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import ExecutionError
+from hmap_core.types import Scene
 
 HELP = "measure the processor time of planning through the services of the nodes, against planning in one process"
 TASK, REPEATS = "tunnel", 5
@@ -21,6 +27,30 @@ UP_LIMIT, GOAL_LIMIT = 180.0, 300.0  # s on a busy machine
 POLL = 0.02  # s
 WARMED = "warmed up"  # in the log of a node that is
 DOMAIN = 90  # ROS_DOMAIN_ID, so that a running graph is not disturbed
+KINDS = {  # of graphs -> what they are called, and the processes that plan
+    "graph": ("by services of the nodes", PLANNERS),
+    "composed": ("nodes in one process", tuple(COMPOSED)),
+}
+
+
+@dataclass(frozen=True)
+class GraphPlan:
+    """A plan that the graph has made.
+
+    Attributes:
+        scene: as it was measured, with the goal.
+        clouds: what the cameras had seen of each object.
+        cpu_s: process -> s of processor time that it has spent.
+    """
+
+    scene: Scene
+    clouds: Mapping[str, Cloud]
+    cpu_s: Mapping[str, float]
+
+    @property
+    def total_s(self) -> float:
+        """Processor time of all processes, s."""
+        return sum(self.cpu_s.values())
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,67 +68,86 @@ def run(arguments: argparse.Namespace) -> int:
     os.environ["ROS_DOMAIN_ID"] = str(DOMAIN)
     prepare_process()
     keep_for_results()
-    alone = in_process(arguments.task, arguments.seed, arguments.repeats)
-    first, later = through_graph(arguments.task, arguments.seed, arguments.repeats)
-    result = {
-        "task": arguments.task,
-        "seed": arguments.seed,
-        "in_process_cpu_s": alone,
-        "graph_first_cpu_s": sum(first.values()),
-        "graph_cpu_s": [sum(plan.values()) for plan in later],
-        "nodes_cpu_s": {name: median(plan[name] for plan in later) for name in PLANNERS},
-    }
-    usual = median(result["graph_cpu_s"])
-    result["graph_by_process"] = usual / median(alone)
-    result["first_by_later"] = result["graph_first_cpu_s"] / usual
+    result: dict[str, Any] = {"task": arguments.task, "seed": arguments.seed}
+    for kind, (_, processes) in KINDS.items():
+        result[kind] = measured(arguments.task, arguments.seed, arguments.repeats, processes)
     if arguments.json:
         print(json.dumps(result))
         return 0
-    print(f"{arguments.task}, seed {arguments.seed}, processor time of one plan with the judge's look, medians:")
-    print(f"  in one process      {median(alone):.3f} s")
-    print(f"  through the graph   {usual:.3f} s, {result['graph_by_process']:.2f} times as much")
-    print(f"  the first plan      {result['graph_first_cpu_s']:.3f} s, {result['first_by_later']:.2f} times as much")
-    for name, seconds in result["nodes_cpu_s"].items():
-        print(f"    {name:<18}{seconds:.3f} s")
+    print(f"{arguments.task}, seed {arguments.seed}, s of processor time of one plan with the judge's look, medians;")
+    print("times: by what one process without nodes takes from the same measurements")
+    print(f"{'':<32}{'s':>8}{'alone':>8}{'times':>8}{'first s':>9}{'first/later':>13}")
+    for kind, (text, processes) in KINDS.items():
+        entry = result[kind]
+        print(
+            f"{text:<32}{entry['cpu_s']:8.3f}{entry['in_process_cpu_s']:8.3f}{entry['by_process']:8.2f}"
+            f"{entry['first_cpu_s']:9.3f}{entry['first_by_later']:13.2f}"
+        )
+        for name in processes if len(processes) > 1 else ():
+            print(f"  {name:<30}{entry['processes_cpu_s'][name]:8.3f}")
     return 0
 
 
-def in_process(task: str, seed: int, repeats: int) -> list[float]:
-    """Seconds of processor time of plans in this process, after one that does not count."""
+def measured(task: str, seed: int, repeats: int, processes: Sequence[str]) -> dict[str, Any]:
+    """What plans of a graph cost, beside those of this process from the same measurements: medians.
+
+    Args:
+        task, seed: that is planned.
+        repeats: plans after the first.
+        processes: that plan.
+    """
+    first, *later = through_graph(task, seed, repeats, processes)
+    in_process(first, seed)  # loads what planning needs
+    alone = [in_process(plan, seed) for plan in later]
+    usual = median(plan.total_s for plan in later)
+    return {
+        "cpu_s": usual,
+        "in_process_cpu_s": median(alone),
+        "by_process": median(plan.total_s / other for plan, other in zip(later, alone, strict=True)),
+        "first_cpu_s": first.total_s,
+        "first_by_later": first.total_s / usual,
+        "processes_cpu_s": {name: median(plan.cpu_s[name] for plan in later) for name in processes},
+    }
+
+
+def in_process(made: GraphPlan, seed: int) -> float:
+    """Seconds of processor time of planning in this process what the graph has planned."""
     from hmap_core import planner
-    from hmap_core.scenes import load_scene
 
-    scene, spent = load_scene(task, seed), []
-    for _ in range(repeats + 1):
-        gc.collect()
-        began = time.process_time()
-        planner.plan(scene, seed=seed)
-        spent.append(time.process_time() - began)
-    return spent[1:]
+    gc.collect()
+    began = time.process_time()
+    planner.plan(made.scene, seed=seed, clouds=made.clouds)
+    return time.process_time() - began
 
 
-def through_graph(task: str, seed: int, repeats: int) -> tuple[dict[str, float], list[dict[str, float]]]:
-    """Seconds of processor time that each planning node spends on the first plan, and on each later one.
+def through_graph(task: str, seed: int, repeats: int, processes: Sequence[str]) -> list[GraphPlan]:
+    """Plans of a graph.
+
+    Args:
+        task, seed: that is planned.
+        repeats: plans after the first.
+        processes: that plan.
 
     Raises:
         ExecutionError: there is no plan in time.
     """
-    from hmap.launcher.processes import Graph
+    from hmap.conversions import cloud_from_message
+    from hmap.node import LATCHED
     from hmap.session import Session
+    from hmap_msgs.msg import ObjectClouds
 
-    spent = []
+    plans: list[GraphPlan] = []
+    pictures: list[ObjectClouds] = []
     with tempfile.TemporaryDirectory() as folder, Graph(Path(folder) / "logs") as graph, Session() as session:
+        session.node.create_subscription(ObjectClouds, "object_clouds", pictures.append, LATCHED)
         graph.start("world", {"task": task, "seed": seed})
         graph.start("perception")
-        for name in PLANNERS:
+        for name in processes:
             graph.start(name, {"warm_up": True})
         session.wait_until_ready(UP_LIMIT)
-        logs = [graph.nodes[name].log for name in PLANNERS]
-        until = time.monotonic() + UP_LIMIT
-        while time.monotonic() < until and not all(WARMED in log.read_text() for log in logs):
-            time.sleep(POLL)
-        processes = {name: graph.nodes[name].process for name in PLANNERS}
-        pids = {name: process.pid for name, process in processes.items() if process is not None}
+        _wait_until_warm([graph.nodes[name].log for name in processes])
+        started = {name: graph.nodes[name].process for name in processes}
+        pids = {name: process.pid for name, process in started.items() if process is not None}
         for _ in range(repeats + 1):
             before = {name: processor_time(pid) for name, pid in pids.items()}
             session.manipulate(seed=seed, plan_only=True)
@@ -106,12 +155,23 @@ def through_graph(task: str, seed: int, repeats: int) -> tuple[dict[str, float],
             while not session.is_done(POLL):
                 if time.monotonic() > until:
                     raise ExecutionError(f"no plan within {GOAL_LIMIT:g} s")
-            session.result().check()
-            spent.append({name: processor_time(pid) - before[name] for name, pid in pids.items()})
-    return spent[0], spent[1:]
+            plan = session.result().check().plan
+            if plan is None:
+                raise ExecutionError("the result has no plan")
+            spent = {name: processor_time(pid) - before[name] for name, pid in pids.items()}
+            seen = {each.object: cloud_from_message(each) for each in pictures[-1].clouds} if pictures else {}
+            clouds = {name: cloud for name, cloud in seen.items() if cloud is not None}
+            plans.append(GraphPlan(plan.scene, clouds, spent))
+    return plans
+
+
+def _wait_until_warm(logs: Sequence[Path]) -> None:
+    until = time.monotonic() + UP_LIMIT
+    while time.monotonic() < until and not all(WARMED in log.read_text() for log in logs):
+        time.sleep(POLL)
 
 
 def processor_time(pid: int) -> float:
-    """Seconds of processor time, user and system, that a process has spent."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    """Seconds of processor time that the threads of a process have spent."""
+    threads = Path(f"/proc/{pid}/task").iterdir()
+    return sum(int((thread / "schedstat").read_text().split()[0]) for thread in threads) * 1e-9

@@ -24,7 +24,7 @@ HELP = "start the nodes, plan and execute a task with them, and stop them"
 RESTARTS = True  # see hmap_core.cli.main
 START_LIMIT = 120.0  # s for all nodes to be up
 POLL = 0.1  # s
-NODES = 7  # without those of dynamic obstacles
+NODES, COMPOSED_NODES = 7, 4  # processes, without those of dynamic obstacles and of the page
 KINEMATIC = "kinematic"
 QUICK_SPEED, REAL_SPEED = 4.0, 1.0  # simulated s per s
 DISCOVERY = 0.5  # s; time of the search for nodes that already run
@@ -60,6 +60,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-viewer", action="store_true", help="do not offer the page for the browser")
     text = f"of the page, or the next free one ({PAGE_PORT})"
     parser.add_argument("--port", type=port_number, default=PAGE_PORT, metavar="N", help=text)
+    text = "supervisor and planners in one process, without services between them: planning costs less, and no planner "
+    text += "is started anew"
+    parser.add_argument("--composed", action="store_true", help=text)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--keep", action="store_true", help="leave the nodes running afterwards, until Ctrl-C")
 
@@ -97,7 +100,8 @@ def run(arguments: argparse.Namespace) -> int:
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    spares = fork_spares(NODES + (arguments.dynamic_obstacles > 0) + (not arguments.no_viewer))
+    nodes = COMPOSED_NODES if arguments.composed else NODES
+    spares = fork_spares(nodes + (arguments.dynamic_obstacles > 0) + (not arguments.no_viewer))
     try:
         return _run(arguments, folder, stop, spares)
     except Stopped:
@@ -163,10 +167,15 @@ def _start(graph: Graph, session, arguments: argparse.Namespace, folder: Path, l
         world["announce_added"] = False
         graph.start("dynamic_obstacles", {"count": arguments.dynamic_obstacles, "seed": arguments.seed})
     graph.start("world", world)
-    graph.start("komo_optimiser")
-    graph.start("supervisor", {"dry_run": arguments.dry_run, "speed_scaling": arguments.speed_scaling})
-    for name in ("contact_proposer", "waypoint_planner", "perception"):
-        graph.start(name)
+    supervisor = {"dry_run": arguments.dry_run, "speed_scaling": arguments.speed_scaling}
+    if arguments.composed:
+        graph.start("composed_planning", supervisor)
+    else:
+        graph.start("komo_optimiser")
+        graph.start("supervisor", supervisor)
+        for name in ("contact_proposer", "waypoint_planner"):
+            graph.start(name)
+    graph.start("perception")
     until = time.monotonic() + START_LIMIT
     while len(up := session.ready(nodes := graph.expected())) < len(nodes):
         between()

@@ -10,13 +10,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hmap.environment import ros_environment
+from hmap.environment import LAUNCHER, ros_environment
 from hmap.launcher.shared_memory import remove_dead_segments
 from hmap.launcher.spares import Spare
 from hmap_core.exceptions import Code, ExecutionError, InputError
 
 RESPAWNABLE = ("perception", "waypoint_planner", "contact_proposer", "komo_optimiser")  # have no state of their own
 OPTIONAL = ("recorder", "viewer")  # restarted, too; where that fails, the others go on without
+# process -> its nodes, where it has several
+COMPOSED = {"composed_planning": ("supervisor", "waypoint_planner", "contact_proposer", "komo_optimiser")}
 RESPAWN_PATIENCE = 30.0  # s that the supervisor waits for a node that is started anew, on a busy machine
 # their messages have stamps; the others save time
 USES_SIM_TIME = ("perception", "supervisor", "recorder", "dynamic_obstacles")
@@ -25,8 +27,10 @@ LOW_PRIORITY = ("world", "perception", "recorder", "dynamic_obstacles", "viewer"
 NICE = 10  # niceness relative to the planning nodes
 MAX_STARTS = 5  # of one node
 WATCH_PERIOD = 0.2  # s
+STOPPED_LIMIT = 2.0  # s; a node that a signal has stopped for longer is killed, as others take it for dead by then
 END_TIMEOUT = 10.0  # s; time limit for the end of a node after SIGINT, and again after SIGTERM
 NODE_ARGUMENTS = 3  # index of the first argument in a node's command line
+STOPPED = "T"  # state of a process in /proc
 LOG_TAIL = 15  # lines of a dead node's log that are shown
 
 
@@ -35,13 +39,15 @@ class NodeProcess:
     """A node of the graph.
 
     Attributes:
-        name: of the node.
-        parameters: name -> value, in addition to use_sim_time.
+        name: of the node, or of a process with several.
+        parameters: name -> value, in addition to use_sim_time; those of a process with several nodes are for its
+            supervisor.
         log: file of its output.
         files: with parameters.
         process: the running process.
         starts: number of starts.
         code: exit code of the last process; None while it runs.
+        stopped: s of the steady clock since which a signal (SIGSTOP) keeps it from running; None while it runs.
     """
 
     name: str
@@ -51,6 +57,7 @@ class NodeProcess:
     process: subprocess.Popen | Spare | None = None
     starts: int = 0
     code: int | None = None
+    stopped: float | None = None
 
     def start(self, environment: Mapping[str, str], spare: Spare | None = None) -> None:
         """Start the node in a process group of its own, so that Ctrl-C reaches it only through the launcher.
@@ -63,15 +70,16 @@ class NodeProcess:
             spare: the process to use instead of a new one.
         """
         self.starts += 1
-        self.code = None
+        self.code = self.stopped = None
         parameters = dict(self.parameters)
-        parameters.setdefault("use_sim_time", self.name in USES_SIM_TIME)
+        prefix = "supervisor:" if self.name in COMPOSED else ""  # of parameters for one node of several
+        parameters.setdefault("use_sim_time", bool(prefix) or self.name in USES_SIM_TIME)
         if self.name == "recorder" and "path" in parameters:
             parameters["path"] = self.bag(self.starts)
-        if self.name == "supervisor":
+        if self.name == "supervisor" or prefix:
             for name in ("service_patience", "state_patience"):
                 parameters.setdefault(name, RESPAWN_PATIENCE)
-        command = node_command(self.name, _assignments(parameters), self.files)
+        command = node_command(self.name, _assignments(parameters, prefix), self.files)
         if spare is not None:
             spare.run(self.name, command[NODE_ARGUMENTS:], self.log)
             self.process = spare
@@ -112,8 +120,9 @@ def node_command(name: str, assignments: list[str] | None = None, files: Sequenc
     return [sys.executable, "-m", f"hmap.nodes.{name}", *(["--ros-args", *arguments] if arguments else [])]
 
 
-def _assignments(parameters: Mapping[str, object]) -> list[str]:
-    return [f"{key}:={str(value).lower() if isinstance(value, bool) else value}" for key, value in parameters.items()]
+def _assignments(parameters: Mapping[str, object], prefix: str) -> list[str]:
+    texts = {key: str(value).lower() if isinstance(value, bool) else value for key, value in parameters.items()}
+    return [f"{prefix}{key}:={text}" for key, text in texts.items()]
 
 
 @dataclass
@@ -131,7 +140,7 @@ class Graph:
     def __enter__(self) -> "Graph":
         self.folder.mkdir(parents=True, exist_ok=True)
         remove_dead_segments()
-        self._environment = ros_environment()
+        self._environment = ros_environment() | {LAUNCHER: str(os.getpid())}
         self._watcher = threading.Thread(target=self._watch, name="processes", daemon=True)
         self._watcher.start()
         return self
@@ -183,7 +192,8 @@ class Graph:
     def expected(self) -> list[str]:
         """The nodes that run, or have to."""
         with self._lock:
-            return [name for name, node in self.nodes.items() if node.code is None]
+            running = [name for name, node in self.nodes.items() if node.code is None]
+        return [name for process in running for name in COMPOSED.get(process, (process,))]
 
     def bags(self) -> list[Path]:
         """The folders of the recorder's bags: one for each time that it was started."""
@@ -217,6 +227,19 @@ class Graph:
                         node.code = node.process.poll()
                         if node.code is not None:
                             self._died(node)
+                        else:
+                            self._look_whether_stopped(node, node.process)
+
+    def _look_whether_stopped(self, node: NodeProcess, process: subprocess.Popen | Spare) -> None:
+        """Kill a node that a signal has stopped: it would neither work, nor end with the others."""
+        if not _is_stopped(process.pid):
+            node.stopped = None
+        elif node.stopped is None:
+            node.stopped = time.monotonic()
+        elif time.monotonic() - node.stopped > STOPPED_LIMIT:
+            node.stopped = None
+            self._notes.append(f"the node {node.name} was stopped by a signal for {STOPPED_LIMIT:g} s; killed")
+            _send(process, signal.SIGKILL)
 
     def _died(self, node: NodeProcess) -> None:
         ended = f"the node {node.name} ended with exit code {node.code}"
@@ -230,10 +253,20 @@ class Graph:
 
 
 def _send(process: subprocess.Popen | Spare, number: int) -> None:
+    """Send a signal to a process and its children, also where a signal has stopped them."""
     try:
         os.killpg(process.pid, number)
+        os.killpg(process.pid, signal.SIGCONT)
     except ProcessLookupError:
         pass
+
+
+def _is_stopped(pid: int) -> bool:
+    """Whether a signal keeps a process from running."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == STOPPED
+    except OSError:  # it has ended
+        return False
 
 
 def output_folder(base: Path, task: str, seed: int) -> Path:

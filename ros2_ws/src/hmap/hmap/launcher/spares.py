@@ -18,6 +18,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import NoReturn
 
+from hmap.environment import LAUNCHER
 from hmap_core.command_line import leave_results
 
 PRELOADED = ("supervisor", "perception", "waypoint_planner", "contact_proposer", "komo_optimiser")  # nodes
@@ -101,12 +102,14 @@ def fork_spares(count: int) -> list[Spare]:
         stream.flush()
     spares: list[Spare] = []
     pipes: list[int] = []
+    launcher = str(os.getpid())
     for _ in range(count):
         receiving, sending = os.pipe()
         pid = os.fork()
         if pid == 0:
             for pipe in (*pipes, sending):  # else it would keep the others waiting when the launcher is gone
                 os.close(pipe)
+            os.environ[LAUNCHER] = launcher
             _wait_for_order(receiving)
         os.close(receiving)
         pipes.append(sending)

@@ -39,7 +39,11 @@ class CountingChecker:
 
 
 class ContactProposerNode(HmapNode):
-    """Serves ``propose_contacts``."""
+    """Serves ``propose_contacts``.
+
+    Attributes:
+        proposer: proposes contacts before sampled ones.
+    """
 
     plans = True
 
@@ -49,7 +53,8 @@ class ContactProposerNode(HmapNode):
         self._count = self.parameter("count", 40, "contacts at most, of a request that names no number", 1, 10000)
         patience = self.parameter("service_patience", 5.0, "s to wait for a node that is away or has died", 0.0, 3600.0)
         name = self.parameter("proposer", "sampled", "proposes contacts before sampled ones; see `hmap plugins`")
-        self._proposers = proposers(plugins.create(plugins.CONTACT_PROPOSERS, name))
+        self.proposer = plugins.create(plugins.CONTACT_PROPOSERS, name)
+        self._proposers = proposers(self.proposer)
         text = "whether komo_optimiser checks contacts, instead of this node"
         remote = self.parameter("check_remotely", False, text)
         self._checker = (

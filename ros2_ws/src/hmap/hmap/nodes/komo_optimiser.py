@@ -20,7 +20,11 @@ from hmap_msgs_py.poses import poses_from_messages
 
 
 class KomoOptimiser(HmapNode):
-    """Serves ``check_contacts`` and ``solve_segment``."""
+    """Serves ``check_contacts`` and ``solve_segment``.
+
+    Attributes:
+        segments: plans segments.
+    """
 
     plans = True
 
@@ -29,7 +33,7 @@ class KomoOptimiser(HmapNode):
         self._time_limit = self.parameter("time_limit", 30.0, "s, of a request that names none", 0.01, 3600.0)
         name = self.parameter("transit_planner", "hmap", "searches transits of arms; see `hmap plugins`")
         self._checker = LocalContactChecker()
-        self._segments = KomoSegmentPlanner(plugins.create(plugins.TRANSIT_PLANNERS, name))
+        self.segments = KomoSegmentPlanner(plugins.create(plugins.TRANSIT_PLANNERS, name))
         self.serve(CheckContacts, "check_contacts", self._check)
         self.serve(SolveSegment, "solve_segment", self._solve)
 
@@ -67,10 +71,10 @@ class KomoOptimiser(HmapNode):
             contacts = _two_robots(contact, [contact_from_message(scene, message) for message in request.partners])
             _check_reach(contacts, len(poses), request.hand_over)
             shared = SharedQuery(scene, state, name, contacts, poses, seed, limit, bool(request.hand_over))
-            motion_to_response(scene, self._segments.plan_shared(shared), response)
+            motion_to_response(scene, self.segments.plan_shared(shared), response)
             return
         query = SegmentQuery(scene, state, name, contact, poses, seed, limit)
-        motion_to_response(scene, self._segments.plan_segment(query), response)
+        motion_to_response(scene, self.segments.plan_segment(query), response)
 
 
 def _poses(request) -> np.ndarray:

@@ -31,7 +31,7 @@ from hmap_core.exceptions import Code, ExecutionError, HmapError, InputError, Pl
 from hmap_core.execution.plan_executor import PlanExecutor
 from hmap_core.execution.recovery import RecoveryPolicy, ReplanRequest
 from hmap_core.execution.stretches import check_executable
-from hmap_core.planner import HmapPlanner, ManipulationPlanner, plugins
+from hmap_core.planner import HmapPlanner, ManipulationPlanner, PlannerComponents, plugins
 from hmap_core.planner.interfaces import ToolGrasp
 from hmap_core.planner.repair import plan_anew, rehearse
 from hmap_core.types import Goal, Plan, Scene
@@ -81,15 +81,18 @@ class Job:
 
 
 class Supervisor(HmapNode):
-    """Plans and executes one goal at a time; a new goal takes the place of the one before.
-
-    Raises:
-        InputError: another supervisor runs already.
-    """
+    """Plans and executes one goal at a time; a new goal takes the place of the one before."""
 
     plans = True
 
-    def __init__(self):
+    def __init__(self, components: PlannerComponents | None = None):
+        """
+        Args:
+            components: of planning, in this process; None: the services of other nodes.
+
+        Raises:
+            InputError: another supervisor runs already.
+        """
         if runs_already("supervisor"):
             raise InputError(SECOND)
         super().__init__("supervisor")
@@ -116,8 +119,10 @@ class Supervisor(HmapNode):
         self._plans = PlanTopics(self, self._naming, FRAME)
         self._status_topic = self.create_publisher(PlannerStatus, "planner_status", LATCHED)
         text = "m, standard deviation of measured positions; bodies within four of it of a support stand on it"
-        self._scene_monitor = SceneMonitor(self, stale, self.parameter("pose_noise", POSE_NOISE, text, 0.0, 0.1))
+        noise = self.parameter("pose_noise", POSE_NOISE, text, 0.0, 0.1)
+        self._components = components
         self._remote = Caller(self, self._patience, OFFERED_BY)
+        self._scene_monitor = SceneMonitor(self, stale, noise, lambda: self._remote.lost("load_scene"))
         text = "s after which a controller that is not there, does not answer, or does not move is lost"
         timeout = self.parameter("controller_timeout", CONTROLLER_TIMEOUT, text, 0.1, 3600.0)
         text = "rad that a joint may be measured off the start of a trajectory that is sent"
@@ -332,10 +337,11 @@ class Supervisor(HmapNode):
         return plan
 
     def _method(self, job: Job, clouds: dict[str, Cloud], attached: ToolGrasp | None) -> ManipulationPlanner:
-        """The planner that the parameter names; H-MaP's phases are done by the other nodes."""
+        """The planner that the parameter names; H-MaP's phases are done by the components, or by the other nodes."""
         method = plugins.create(plugins.PLANNERS, self._planner)
         if isinstance(method, HmapPlanner):
-            return replace(method, components=remote_components(self._caller(job)), clouds=clouds, tool_grasp=attached)
+            components = self._components or remote_components(self._caller(job))
+            return replace(method, components=components, clouds=clouds, tool_grasp=attached)
         return method
 
     def _show_planning(self, job: Job, p: planner.Progress) -> None:

@@ -17,7 +17,11 @@ from hmap_msgs_py.poses import pose_from_message
 
 
 class WaypointPlanner(HmapNode):
-    """Serves ``plan_waypoints``."""
+    """Serves ``plan_waypoints``.
+
+    Attributes:
+        planner: plans the paths.
+    """
 
     plans = True
 
@@ -25,7 +29,7 @@ class WaypointPlanner(HmapNode):
         super().__init__("waypoint_planner")
         self._time_limit = self.parameter("time_limit", 10.0, "s, of a request that names none", 0.01, 3600.0)
         name = self.parameter("object_path_planner", "hmap", "plans the paths; see `hmap plugins`")
-        self._planner = plugins.create(plugins.OBJECT_PATH_PLANNERS, name)
+        self.planner = plugins.create(plugins.OBJECT_PATH_PLANNERS, name)
         self.serve(PlanWaypoints, "plan_waypoints", self._plan)
 
     def _plan(self, request: PlanWaypoints.Request, response: PlanWaypoints.Response) -> None:
@@ -35,7 +39,7 @@ class WaypointPlanner(HmapNode):
         limit = time_limit(request, self._time_limit)
         checks = float(request.checks or np.inf)
         try:
-            path = self._planner.plan_path(ObjectPathQuery(scene, state, goal, int(request.seed), limit, checks))
+            path = self.planner.plan_path(ObjectPathQuery(scene, state, goal, int(request.seed), limit, checks))
         except NoObjectPath as error:
             response.error = error_to_message(error)
             response.blocking = list(error.blockers)

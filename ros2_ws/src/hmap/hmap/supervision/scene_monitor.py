@@ -34,12 +34,20 @@ CLOUDS_AHEAD = 60.0  # s, the same for clouds, which come rarely, so that each o
 class SceneMonitor:
     """Follows ``scene``, ``new_object``, ``world_state`` and ``object_clouds``."""
 
-    def __init__(self, node: HmapNode, stale_after: float, noise: float = 0.0):
+    def __init__(
+        self,
+        node: HmapNode,
+        stale_after: float,
+        noise: float = 0.0,
+        clock_died: Callable[[], bool] = lambda: False,
+    ):
         """
         Args:
             stale_after: s; a state that arrived longer ago is none.
             noise: m, standard deviation of measured positions, see :mod:`hmap_core.stability.supports`.
+            clock_died: whether the node that publishes the clock has died, so that a clock that stands means nothing.
         """
+        self._clock_died = clock_died
         self._node, self._stale_after, self._noise = node, stale_after, noise
         self._news = threading.Condition()
         self._base: Scene | None = None  # as `scene` tells
@@ -122,7 +130,9 @@ class SceneMonitor:
         if time.monotonic() - self._arrived <= self._stale_after:
             return False
         now = clock_time(self._node)
-        return now is None or self._arrived_at is None or abs(now - self._arrived_at) > CLOCK_STANDS
+        return (
+            self._clock_died() or now is None or self._arrived_at is None or abs(now - self._arrived_at) > CLOCK_STANDS
+        )
 
     def newest(self) -> tuple[float, SceneState] | None:
         """The newest stamp (s) and state; None where none has arrived for too long."""
