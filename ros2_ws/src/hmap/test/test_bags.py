@@ -102,6 +102,24 @@ def test_a_bag_is_split_on_request(tmp_path, options):
         }
 
 
+@pytest.mark.parametrize("name", ["bag", "run_1"])
+def test_a_kill_while_the_bag_is_split_costs_nothing_of_the_files_before(tmp_path, name):
+    writer = BagWriter(tmp_path / name)
+    fill(writer)
+    writer._split()
+    path = shutil.copytree(tmp_path / name, tmp_path / "killed" / name)
+    fill(writer, 50, COUNT)
+    writer.flush()
+    assert values(path) == list(range(COUNT))
+    assert any(f"{name}.mcap: it is empty" in text for text in check_bag(open_bag(path)).damaged)
+    path.joinpath(f"{name}.mcap").unlink()  # the moment before the next file was begun
+    assert values(path) == list(range(COUNT))
+    assert values(tmp_path / name) == list(range(COUNT + 50))
+    writer._split()
+    assert values(tmp_path / name) == list(range(COUNT + 50))
+    writer.close()
+
+
 def test_compression_makes_a_bag_smaller(tmp_path):
     sizes = []
     for compress in (False, True):

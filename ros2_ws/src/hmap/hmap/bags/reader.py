@@ -136,7 +136,7 @@ def open_bag(path: Path) -> Bag:
         return Bag(path, [path])
     if not path.exists():
         raise InputError(f"{path}: there is no such bag")
-    files = sorted(path.glob("*.mcap"), key=_number) or sorted(path.glob(f"*{OTHER_STORAGE}"))
+    files = _in_order(list(path.glob("*.mcap"))) or sorted(path.glob(f"*{OTHER_STORAGE}"))
     if not path.is_dir() or not files:
         nested = [folder for folder in (path.iterdir() if path.is_dir() else ()) if any(folder.glob("*.mcap"))]
         suggestion = f"; did you mean {nested[0]}?" if nested else ""
@@ -144,7 +144,12 @@ def open_bag(path: Path) -> Bag:
     return Bag(path, files)
 
 
-def _number(file: Path) -> tuple[int, str]:
-    """The place of a file in a bag of several: by its number, and the one that has none yet at last."""
-    number = file.stem.rpartition("_")[2]
-    return (int(number) if number.isdigit() else 10**9, file.name)
+def _in_order(files: Sequence[Path]) -> list[Path]:
+    """The files of a bag: by their numbers, and at last the one that has none yet, from whose name others are made."""
+
+    def place(file: Path) -> tuple[bool, int, str]:
+        number = file.stem.rpartition("_")[2]
+        unfinished = any(other.stem.startswith(f"{file.stem}_") for other in files)
+        return unfinished, int(number) if number.isdigit() else 0, file.name
+
+    return sorted(files, key=place)

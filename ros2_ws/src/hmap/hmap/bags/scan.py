@@ -41,10 +41,13 @@ class Scan:
     def messages(self) -> Iterator[tuple[str, int, bytes]]:
         """Topic, time (ns) and serialised message of each, in the order of the file, up to the first damage."""
         with self.path.open("rb") as file:
+            size = self.path.stat().st_size
+            if not size:
+                self.problems.append("it is empty: the recorder was killed as it began the file, or has just begun it")
+                return
             if file.read(len(MAGIC)) != MAGIC:
                 self.problems.append("it does not begin as an MCAP file")
                 return
-            size = self.path.stat().st_size
             while True:
                 at = file.tell()
                 head = file.read(9)

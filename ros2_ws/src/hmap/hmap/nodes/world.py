@@ -196,12 +196,13 @@ class WorldNode(HmapNode):
 
     def _due(self, what: str, world: SimulatedWorld) -> bool:
         """Whether a period has passed: of real time, for who waits, or of simulated time, for who reads the bag."""
-        period = self._periods[what]
-        passed = [
-            self._passed(what, "real", time.monotonic(), period),
-            self._passed(what, "simulated", world.time, period),
-        ]
-        return any(passed)
+        period, clocks = self._periods[what], {"real": time.monotonic(), "simulated": world.time}
+        passed = {clock: self._passed(what, clock, now, period) for clock, now in clocks.items()}
+        if not any(passed.values()):
+            return False
+        # the other clock's period begins anew, too: one message serves both
+        self._last |= {(what, clock): clocks[clock] for clock, it_passed in passed.items() if not it_passed}
+        return True
 
     def _passed(self, what: str, clock: str, now: float, period: float) -> bool:
         last = self._last.get((what, clock), -np.inf)
