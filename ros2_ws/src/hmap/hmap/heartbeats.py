@@ -19,6 +19,8 @@ from rclpy.publisher import Publisher
 from rclpy.qos import LivelinessPolicy, QoSProfile
 from std_msgs.msg import Empty
 
+from hmap.spinning import watch
+
 LEASE = 2.0  # s without a sign of life after which a node counts as dead
 MOTION_LEASE = 0.3  # s, of the supervisor: motions stop within 0.5 s of its death; each node gives signs more often
 CONFIRM = 0.1  # s in which a sign of life may still come that a busy process has not read yet
@@ -73,8 +75,9 @@ class Heartbeat:
             lambda _: None,
             _quality(lease),
             callback_group=group,
-            event_callbacks=SubscriptionEventCallbacks(liveliness=self._changed),
+            event_callbacks=SubscriptionEventCallbacks(liveliness=self._changed, use_default_callbacks=False),
         )
+        watch(self.subscription)
 
     def _changed(self, info: QoSLivelinessChangedInfo) -> None:
         before, self.alive = self.alive, int(info.alive_count)

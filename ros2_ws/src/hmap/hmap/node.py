@@ -17,7 +17,6 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException, ParameterException
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -26,7 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 from hmap.environment import LAUNCHER, ros_environment
 from hmap.heartbeats import offer_heartbeat
 from hmap.problem_log import ProblemLog
-from hmap.spinning import Spinner, WorkExecutor
+from hmap.spinning import MessageExecutor, Spinner, WorkExecutor
 from hmap_core.compile_cache import ensure_compiled
 from hmap_core.exceptions import HmapError
 from hmap_core.garbage import collect_rarely
@@ -306,7 +305,7 @@ def run_nodes(make_nodes: Callable[[], Sequence[HmapNode]], plans: bool, args: l
         rclpy.shutdown()
         return NO
     for node in nodes:
-        executor = WorkExecutor(THREADS) if node.waits else SingleThreadedExecutor()
+        executor = WorkExecutor(THREADS) if node.waits else MessageExecutor()
         executor.add_node(node)
         node.spinner = Spinner(executor, node.callback_failed)
     for node in nodes:

@@ -16,7 +16,6 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.client import Client
 from rclpy.context import Context
 from rclpy.exceptions import NameValidationException
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -28,7 +27,7 @@ from hmap.heartbeats import Heartbeat
 from hmap.manipulation_goal import Feedback, GoalInProgress, Result
 from hmap.node import LATCHED
 from hmap.requests import error_from_message
-from hmap.spinning import Spinner
+from hmap.spinning import MessageExecutor, Spinner
 from hmap_core.exceptions import Code, InputError, PlannerError
 from hmap_core.types import Body, Scene, SceneState
 from hmap_msgs.action import Manipulate
@@ -117,7 +116,7 @@ class Session:
         )
         self._subscriptions = [self.node.create_subscription(*topic, callback_group=self._group) for topic in topics]
         if self._context is not None:
-            executor = SingleThreadedExecutor(context=self._context)
+            executor = MessageExecutor(context=self._context)
             executor.add_node(self.node)
             self._spinner = Spinner(executor, lambda error: self.node.get_logger().error(repr(error)))
 

@@ -6,18 +6,19 @@ from types import SimpleNamespace
 
 import pytest
 from rclpy.context import Context
-from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
+from std_msgs.msg import Empty
 
-from hmap.spinning import InvalidHandle, RCLError, Spinner, WorkExecutor
+from hmap.spinning import EVENT_PERIOD, InvalidHandle, MessageExecutor, RCLError, Spinner, WorkExecutor, watch
 
 PERIOD = 0.01  # s between two calls
 LONG = 60.0  # s; a test that waits so long has failed
 QUIET = 0.3  # s in which many calls would come
 
 
-@pytest.fixture(params=[SingleThreadedExecutor, MultiThreadedExecutor, WorkExecutor])
+@pytest.fixture(params=[MessageExecutor, MultiThreadedExecutor, WorkExecutor])
 def ticking(request):
     """A spinner, and an event that a timer of its node sets again and again."""
     context, ticked = Context(), threading.Event()
@@ -124,6 +125,25 @@ def test_a_callback_is_handed_to_the_pool_once_however_late_a_thread_begins_it()
     work(*arguments)
     executor._spin_once_impl(LONG)
     assert len(waiting) == 1
+    node.destroy_node()
+    context.shutdown()
+
+
+def test_warnings_of_the_middleware_are_looked_at_once_a_second_and_heartbeats_always():
+    context = Context()
+    context.init()
+    node = Node("told", context=context)
+    executor = MessageExecutor(context=context)
+    plain, watched = (node.create_subscription(Empty, name, lambda _: None, 1) for name in ("plain", "watched"))
+    watch(watched)
+
+    def looked_at() -> list[bool]:
+        executor._spin_once_impl(0.0)
+        return [all(map(executor.can_execute, topic.event_handlers)) for topic in (plain, watched)]
+
+    assert plain.event_handlers and looked_at() == [True, True] and looked_at() == [False, True]
+    executor._events_due -= EVENT_PERIOD
+    assert looked_at() == [True, True]
     node.destroy_node()
     context.shutdown()
 
