@@ -11,7 +11,7 @@ from hmap.conversions import cloud_to_message, scene_to_message, state_to_messag
 from hmap.supervision.ports import ros_ports
 from hmap.supervision.scene_monitor import REST_PERIOD, SceneMonitor
 from hmap_core.contacts.camera import Cloud
-from hmap_core.exceptions import Code, ExecutionError, InputError
+from hmap_core.exceptions import Code, ExecutionError, InputError, PlannerError
 from hmap_core.execution.drift import DriftTolerance
 from hmap_core.execution.watcher import LOST_POSITION, Watcher
 from hmap_core.scenes import load_scene
@@ -269,3 +269,14 @@ def test_a_clock_that_stands_excuses_silence_unless_who_publishes_it_has_died(sc
     node.callbacks["world_state"](state_to_message(scene, scene.start_state(), time_to_message(1.9)))
     time.sleep(0.05)
     assert scene_monitor.silent() is died
+
+
+def test_a_cancel_ends_the_waiting_for_a_state_and_for_a_scene(scene):
+    scene_monitor, _ = monitor_at(scene, 2.0)
+    for wait in (
+        lambda: scene_monitor.settled(PATIENCE, lambda: True),
+        lambda: scene_monitor.wait_for_scene("bolt", 0, PATIENCE, lambda: True),
+    ):
+        with pytest.raises(PlannerError) as caught:
+            wait()
+        assert caught.value.code is Code.CANCELED

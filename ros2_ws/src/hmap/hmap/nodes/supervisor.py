@@ -201,7 +201,7 @@ class Supervisor(HmapNode):
             raise InputError(SECOND)
         limit = time_limit(job.goal, self._time_limit)
         scene = self._goal_scene(job)
-        state = self._scene_monitor.settled(self._state_patience)
+        state = self._scene_monitor.settled(self._state_patience, lambda: self._canceled(job))
         changed = self._scene_monitor.changed()
         scene = replace(self._scene_monitor.scene() or scene, goal=scene.goal)
         plan = self._plan(job, ReplanRequest(scene, state, 1, changed=changed), limit)
@@ -264,7 +264,8 @@ class Supervisor(HmapNode):
         self._say(job, PlannerStatus.LOADING, f"task {goal.task!r}, seed {goal.seed}")
         request = LoadScene.Request(task=goal.task, seed=goal.seed)
         self._caller(job).call(LoadScene, "load_scene", request, LOADING_LIMIT)
-        return self._scene_monitor.wait_for_scene(goal.task, int(goal.seed), self._state_patience)
+        canceled = lambda: self._canceled(job)  # noqa: E731
+        return self._scene_monitor.wait_for_scene(goal.task, int(goal.seed), self._state_patience, canceled)
 
     def _caller(self, job: Job) -> Caller:
         return self._remote.until(lambda: self._canceled(job), lambda text: self._say(job, job.phase, text))

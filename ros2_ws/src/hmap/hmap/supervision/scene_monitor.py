@@ -143,12 +143,19 @@ class SceneMonitor:
         self._clock.now()
         return None if self._silent() else self._states.newest()
 
-    def state(self, patience: float, after: float = -float("inf")) -> tuple[float, SceneState]:
+    def state(
+        self, patience: float, after: float = -float("inf"), canceled: Callable[[], bool] = lambda: False
+    ) -> tuple[float, SceneState]:
         """The newest stamp (s) and state; waits for one that is fresh and has a stamp later than ``after``.
 
+        Args:
+            patience: s.
+            after: s.
+            canceled: ends the waiting.
+
         Raises:
-            InputError: STALE_STATE; none came within ``patience`` seconds.
-            PlannerError: CANCELED; the node is being shut down.
+            InputError: STALE_STATE; none came in time.
+            PlannerError: CANCELED, or the node is being shut down.
         """
         until = time.monotonic() + patience
 
@@ -157,7 +164,7 @@ class SceneMonitor:
             return newest if newest is not None and newest[0] > after else None
 
         with self._news:
-            self._wait(lambda: fresh() is not None, until)
+            self._wait(lambda: fresh() is not None, until, canceled)
             found = fresh()
             if found is None:
                 raise InputError(
@@ -166,7 +173,7 @@ class SceneMonitor:
                 )
             return found
 
-    def settled(self, patience: float) -> SceneState:
+    def settled(self, patience: float, canceled: Callable[[], bool] = lambda: False) -> SceneState:
         """Where everything is once it stands, or after as long as one waits for that.
 
         The newest state is not enough when a motion has just ended: it may be of before the end. So the first look is
@@ -174,22 +181,30 @@ class SceneMonitor:
         Bodies that stand on something within the noise of the measurement stand exactly there.
 
         Raises:
-            InputError, PlannerError: as :meth:`state`, with ``patience`` for each look.
+            InputError, PlannerError: as :meth:`state`, with ``patience`` and ``canceled`` for each look.
         """
-        stamp, state = self.state(patience, after=self._node.get_clock().now().nanoseconds * 1e-9)
+        stamp, state = self.state(patience, self._node.get_clock().now().nanoseconds * 1e-9, canceled)
         for _ in range(REST_LOOKS):
             before = state
-            stamp, state = self.state(patience, after=stamp + REST_PERIOD)
+            stamp, state = self.state(patience, stamp + REST_PERIOD, canceled)
             if _at_rest(before, state):
                 break
         scene = self.scene()
         return state if scene is None else on_supports(scene, state, self._noise)
 
-    def wait_for_scene(self, task: str, seed: int, patience: float) -> Scene:
+    def wait_for_scene(
+        self, task: str, seed: int, patience: float, canceled: Callable[[], bool] = lambda: False
+    ) -> Scene:
         """The scene, once it is that of the task.
+
+        Args:
+            task, seed: of it.
+            patience: s.
+            canceled: ends the waiting.
 
         Raises:
             InputError: STALE_STATE; it did not come.
+            PlannerError: CANCELED, or the node is being shut down.
         """
 
         def wanted() -> Scene | None:
@@ -197,16 +212,18 @@ class SceneMonitor:
             return scene if scene is not None and (scene.task, scene.seed) == (task, seed) else None
 
         with self._news:
-            self._wait(lambda: wanted() is not None, time.monotonic() + patience)
+            self._wait(lambda: wanted() is not None, time.monotonic() + patience, canceled)
             scene = wanted()
             if scene is None:
                 raise InputError(f"the scene of task {task!r}, seed {seed} was not published", Code.STALE_STATE)
             return scene
 
-    def _wait(self, predicate: Callable[[], bool], until: float) -> None:
+    def _wait(self, predicate: Callable[[], bool], until: float, canceled: Callable[[], bool] = lambda: False) -> None:
         while not predicate() and (left := until - time.monotonic()) > 0.0:
             if self._node.stopping.is_set():
                 raise PlannerError("the supervisor is shutting down", Code.CANCELED)
+            if canceled():
+                raise PlannerError("canceled", Code.CANCELED)
             self._news.wait(min(left, 0.5))
 
     def _take_scene(self, message: SceneMessage) -> None:
