@@ -33,6 +33,23 @@ robots:
   arm: {model: panda, base: {xyz: [0, 0, 0]}}
 goal: {object: slab, pose: {xyz: [0.43, 0.42, 0.331]}, position_tolerance: 0.02, rotation_tolerance_deg: 10}
 """
+CARD = """
+schema: 1
+description: A card on a slab can be gripped over the edge near the robot only, where the arm follows no path of it.
+mode: physical
+fixed:
+  table: {shape: box, size: [2, 2, 0.1], pose: {xyz: [0, 0, -0.05]}}
+  slab: {shape: box, size: [0.4, 0.48, 0.04], pose: {xyz: [0.57, -0.04, 0.163]}, friction: 0.5}
+  foot: {shape: box, size: [0.2, 0.2, 0.143], pose: {xyz: [0.6, -0.04, 0.0715]}}
+  pedestal: {shape: box, size: [0.0438, 0.0665, 0.275], pose: {xyz: [0.4483, 0.42, 0.1375]}}
+movable:
+  card:
+    {shape: box, size: [0.0838, 0.1065, 0.0052], pose: {xyz: [0.5026, -0.0595, 0.1856], rpy_deg: [0, 0, -4.3]},
+     mass: 0.0685, friction: 0.6}
+robots:
+  arm: {model: panda, base: {xyz: [0, 0, 0]}}
+goal: {object: card, pose: {xyz: [0.4483, 0.42, 0.2776]}, position_tolerance: 0.015, rotation_tolerance_deg: 8}
+"""
 UPSIDE_DOWN = """
 schema: 1
 description: A block is wanted upside down.
@@ -199,3 +216,10 @@ def test_a_block_is_turned_upside_down(tmp_path):
     plan = planner.plan(scene_of(UPSIDE_DOWN, tmp_path), seed=0)
     end = plan.trajectory.objects["block"][-1]
     assert rotation_matrix(end)[2, 2] == pytest.approx(-1.0, abs=1e-3)
+
+
+def test_what_no_arm_carries_along_a_path_is_moved_by_a_search_over_the_joints(tmp_path):
+    plan = planner.plan(scene_of(CARD, tmp_path), seed=10)
+    kinds = [segment.kind for segment in plan.segments if segment.kind != SegmentKind.TRANSIT]
+    assert kinds[0] == SegmentKind.PRESS and SegmentKind.GRASP in kinds
+    assert "picks and places 'card'" in str(plan.stats["search"])

@@ -13,8 +13,9 @@ from hmap_core.planner.obstacle_removal import RemovalError
 from hmap_core.planner.obstruction import without
 from hmap_core.planner.outcome import Failure, Outcome, Solution
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
+from hmap_core.planner.strategies.pick_and_place import PickAndPlace
 from hmap_core.planner.strategies.remove_obstacles import clear_path
-from hmap_core.planner.tasks import PathTask
+from hmap_core.planner.tasks import EndGrasp, PathTask
 from hmap_core.planner.tools import with_tool_placed
 from hmap_core.types import Goal
 
@@ -26,6 +27,9 @@ EDGES_PLANNED = 16  # in one round
 SLIDES_FAILED, SLIDES_TO_GOAL_FAILED = 6, 3
 # searches for contacts on the edges of one graph, after which it is given up; each takes 0.05 to 0.3 s if it fails
 CONTACT_SEARCHES = 40
+TRANSFERS_FAILED = (
+    4  # edges over which the joints were searched without success, after which that is not tried any more
+)
 ROUNDS = 2  # of the outer loop in which a graph is searched
 _REASONS = ("to an intermediate placement", "to its goal")
 
@@ -46,7 +50,7 @@ class ManipulationGraphStrategy:
             return record.last_failure()
         graph, goal = self._graph(search, task)
         slides = {False: 0, True: 0}  # failed ones to other placements, and to the goal
-        before = record.contact_searches
+        before, transfers = record.contact_searches, 0
         for _ in range(EDGES_PLANNED):
             context.time_left()
             ended = sum(slides.values()) >= SLIDES_FAILED or slides[True] >= SLIDES_TO_GOAL_FAILED
@@ -65,6 +69,9 @@ class ManipulationGraphStrategy:
             where = "its goal" if final else "({:.3f}, {:.3f}, {:.3f})".format(*graph.nodes[b].pose[:3])
             with record.tree.attempt(f"placement {a} to {b} at {where}: {contact}") as node:
                 outcome = self._plan(search, subgoal, graph.reached[a], edge)
+                if isinstance(outcome, Failure) and edge.hands and transfers < TRANSFERS_FAILED:
+                    outcome = self._transferred(search, subgoal, graph.reached[a], edge, outcome)
+                    transfers += isinstance(outcome, Failure)
                 node.close(outcome)
             if isinstance(outcome, Failure):
                 if isinstance(outcome.error, RemovalError):
@@ -115,3 +122,16 @@ class ManipulationGraphStrategy:
             if isinstance(outcome, Solution) or outcome.ends_round:
                 return outcome
         return Failure.of(context.record.error or PlannerError("no path of the object and a hand", Code.NO_MOTION))
+
+    @staticmethod
+    def _transferred(
+        search: "Search", subgoal: Subgoal, sequence: SolutionSequence, edge: Edge, failure: Failure
+    ) -> Outcome:
+        """The object as a part of the hand, for a grasp whose arm follows no path of the object; or the failure."""
+        hands = [EndGrasp(robot, contact, subgoal.goal.pose) for robot, contact in edge.hands]
+        task = PathTask(subgoal, sequence, 0, hands=hands)
+        transfer = PickAndPlace()
+        if failure.ends_round or not transfer.applies(task):
+            return failure
+        outcome = transfer.solve(search, task)
+        return outcome if isinstance(outcome, Solution) else failure
