@@ -108,6 +108,10 @@ ROBOTS = {
     ),
 }
 
+urdf, joints, *hand, home, forces, ignored, gripper = ROBOTS["five"]
+fixed = urdf.replace('<joint name="roll" type="revolute">', '<joint name="roll" type="fixed">')
+ROBOTS["four"] = (fixed, joints[:4], *hand, home[:4], forces[:4], ignored, gripper)  # without the roll joint
+
 
 def _listed(values: Sequence[float]) -> str:
     return f"[{', '.join(str(value) for value in values)}]"

@@ -196,9 +196,9 @@ class Arm:
         """
         lower, upper = self.model.position_limits
         samples = np.random.default_rng(0).uniform(lower, upper, (MOBILITY_SAMPLES, self.n))
-        return max(int(np.linalg.matrix_rank(self._jacobian(q), rtol=RANK_TOLERANCE)) for q in samples)
+        return max(int(np.linalg.matrix_rank(self.jacobian(q), rtol=RANK_TOLERANCE)) for q in samples)
 
-    def _jacobian(self, q: np.ndarray) -> np.ndarray:
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
         """Linear and angular velocity (6, n) of the last frame per unit of joint velocity, base frame."""
         R, p = self.frames(q)
         axes, turning = R[1:, :, 2], (self.prismatic == 0)[:, None]

@@ -18,10 +18,12 @@ from hmap_core.planner.strategies.pushed_on import PushedOn
 from hmap_core.planner.strategies.pushed_paths import PushedPaths
 from hmap_core.planner.strategies.remove_obstacles import RemoveObstacles
 from hmap_core.planner.strategies.slide_first import SlideFirst
+from hmap_core.planner.strategies.tilt_in_steps import TiltInSteps
 
 # for a path of the object, one round of the outer loop
 PATH_STRATEGIES = (
     CarryHeavy(),
+    TiltInSteps(),  # for arms with few joints only
     ObjectPathStrategy(),
     AttachedPathStrategy(),
     GoalCheck(),

@@ -51,7 +51,7 @@ class PickAndPlace:
             context.report("motion", attempt=number, text=what)
             with record.tree.attempt(what) as node:
                 try:
-                    sequence = _moved(context, task, grasp)
+                    sequence = picked_and_placed(context, task.sequence, task.object, grasp)
                 except MotionError as error:
                     record.failed(error)
                     node.fail(error.stage, error.code, error.reason)
@@ -61,16 +61,22 @@ class PickAndPlace:
         return record.last_failure()
 
 
-def _moved(context: SearchContext, task: PathTask, grasp: EndGrasp) -> SolutionSequence:
-    """The sequence after a robot has picked and placed the object. Raises MotionError."""
-    scene, sequence = context.scene, task.sequence
-    picked = _reached(context, scene, sequence.state, task.object, grasp, sequence.state.poses[task.object])
-    placed = _reached(context, scene, sequence.state, task.object, grasp, grasp.T_goal)
+def picked_and_placed(
+    context: SearchContext, sequence: SolutionSequence, object: str, grasp: EndGrasp
+) -> SolutionSequence:
+    """The sequence after a robot has picked and placed an object.
+
+    Raises:
+        MotionError: the robot does not reach the grasp at one end, or no motion was found.
+    """
+    scene, state = context.scene, sequence.state
+    picked = _reached(context, scene, state, object, grasp, state.poses[object])
+    placed = _reached(context, scene, state, object, grasp, grasp.T_goal)
     for contact, plan in (
         (picked, context.components.segments.plan_pick),
         (replace(placed, clear=()), context.components.segments.plan_place),
     ):
-        own = ToolGrasp(task.object, contact, grasp.T_goal)
+        own = ToolGrasp(object, contact, grasp.T_goal)
         query = ToolQuery(scene, sequence.state, own, context.seed(), context.time_left())
         sequence = sequence.after(plan(query))
     return sequence
