@@ -7,7 +7,7 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from io import StringIO
+from io import BytesIO, StringIO
 from pathlib import Path
 from xml.parsers import expat
 
@@ -30,6 +30,15 @@ MAX_HULL_VERTICES = (
 )
 FILES_KEPT = 16384  # whose hulls a process keeps; a decomposed body has one for each of its parts
 READERS = Path(obj_text.__file__).read_bytes()  # what meshes depend on beside this file
+STL_HEADER, STL_TRIANGLE = 84, 50  # bytes of a binary STL file, and of each of its triangles
+SNIFFED = 200  # bytes of a file in which it is looked what it is
+OTHER_CONTENT = {  # what a file that is no mesh begins with, in small letters -> what it is, and the remedy
+    b"version https://git-lfs": "a pointer of Git LFS; fetch the files themselves by 'git lfs pull'",
+    b"<!doctype html": "a page of the web; download the file itself",
+    b"<html": "a page of the web; download the file itself",
+    b"pk\x03\x04": "a ZIP archive; unpack it",
+    b"\x1f\x8b": "compressed; unpack it",
+}
 CHUNK = 256  # directions at once in the computation of support points
 
 logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # its readers log the traces of errors that they get over
@@ -127,6 +136,10 @@ def _read(path: Path) -> tuple["trimesh.Trimesh", int]:
     """A surface, and what was assumed: bits of :data:`NOTES`."""
     if path.suffix.lower() not in FORMATS:
         raise _unusable(path, f"is of an unknown format; allowed: {', '.join(FORMATS)}")
+    try:
+        _check_content(path)
+    except OSError as error:
+        raise _unusable(path, f"cannot be read: {error.strerror}") from error
     unit, notes = _collada_asset(path) if path.suffix.lower() == ".dae" else (1.0, 0)
     try:
         load = _loader(path)
@@ -155,8 +168,32 @@ def _read(path: Path) -> tuple["trimesh.Trimesh", int]:
     return mesh, notes
 
 
+def _check_content(path: Path) -> None:
+    """Refuses what is no mesh whatever the file's name says, with its remedy."""
+    with path.open("rb") as stream:
+        begin = stream.read(SNIFFED).lstrip().lower()
+    for start, problem in OTHER_CONTENT.items():
+        if begin.startswith(start):
+            raise _unusable(path, f"is not a mesh: it is {problem}")
+
+
+def _stl(path: Path) -> BytesIO:
+    """The content of an STL file; of a binary one as many bytes as its header says, since trimesh allows no more."""
+    data = path.read_bytes()
+    count = int.from_bytes(data[STL_HEADER - 4 : STL_HEADER], "little")
+    size = STL_HEADER + STL_TRIANGLE * count
+    if count and size <= len(data):
+        return BytesIO(data[:size])
+    if b"facet" not in data.lower():
+        raise ValueError(f"its header says {count} triangles, which are {size} bytes, and it has {len(data)}")
+    return BytesIO(data)
+
+
 def _loader(path: Path) -> Callable[..., "trimesh.Trimesh"]:
     """Loads a file by trimesh, with its options; an OBJ file in plain text, since trimesh guesses at other text."""
+    if path.suffix.lower() == ".stl":
+        content = _stl(path)
+        return lambda **options: trimesh.load_mesh(BytesIO(content.getvalue()), file_type="stl", **options)
     if path.suffix.lower() != ".obj":
         return partial(trimesh.load_mesh, path)
     text = clean_obj(path.read_text(encoding="utf-8", errors="replace"))

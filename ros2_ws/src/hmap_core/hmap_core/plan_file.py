@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from hmap_core.exceptions import Code, InputError
+from hmap_core.regular_file import regular
 from hmap_core.scenes.arrays import DECIMALS, JointSamples, PoseVector, PoseVectors, Vector, to_lists
 from hmap_core.scenes.json_schema import schema_folder, schema_text
 from hmap_core.scenes.portable import read_json, scene_from_data, scene_to_dict
@@ -197,9 +198,10 @@ def load(path: str | Path) -> Plan:
         InputError: INVALID_PLAN_FILE if the file cannot be read or is not a valid plan file.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = regular(path).read_text(encoding="utf-8-sig")
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read: {error}", Code.INVALID_PLAN_FILE) from error
+        why = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be read: {why}", Code.INVALID_PLAN_FILE) from error
     return from_dict(read_json(text, str(path), Code.INVALID_PLAN_FILE), str(path))
 
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from hmap_core.baselines.cmgmp.demonstrations import demonstrations
+from hmap_core.benchmark import many_parts
 from hmap_core.compile_cache import mark_compiled, remove_old_caches
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.komo.features import joint_position
@@ -30,6 +31,7 @@ from hmap_core.waypoints import NoObjectPath, ObjectPathProblem, plan_waypoints
 
 TIME_LIMIT = 1200.0  # s for each job; compiling is slow on a busy machine
 TASKS = ("published/tunnel", "tunnel")  # one kinematic, one physical
+ATTACHED = (60, 120)  # parts of a body that an arm carries, and of what it passes
 PATHS = ("tunnel", "puck_around")  # planar; one straight, one round an obstacle
 
 
@@ -68,6 +70,11 @@ def _many_parts() -> None:
             plan_waypoints(problem, np.random.default_rng(0), TIME_LIMIT, 500)
         except NoObjectPath:
             pass
+
+
+def _many_pairs() -> None:
+    """A transit with an attached body of so many parts that pairs are looked at in blocks."""
+    many_parts.run_transit(*many_parts.attached(*ATTACHED, 0), TIME_LIMIT)
 
 
 def _motions() -> None:
@@ -109,6 +116,7 @@ def main() -> int:
         ("a path in space", _spatial_path),
         ("a path among many parts", _many_parts),
         ("paths on a support", _planar_paths),
+        ("a transit among many parts", _many_pairs),
         *tasks,
         ("motions from skeletons", _motions),
         ("distances from boxes", _distances),

@@ -31,10 +31,11 @@ def test_the_table_has_every_search(tmp_path, capsys, monkeypatch):
     trial = many_parts.Trial(0.5, 1.0, 2.0, 100, True)
     monkeypatch.setattr(many_parts, "run", lambda problem, limit=2.0: trial)
     monkeypatch.setattr(many_parts, "run_plan", lambda scene, limit=2.0: trial)
+    monkeypatch.setattr(many_parts, "run_transit", lambda scene, state, ends, limit=2.0: trial)
     monkeypatch.setattr("hmap_core.compile_cache.ensure_compiled", lambda: None)
     out = tmp_path / "out.json"
     arguments = ["bench", "parts", "--parts", "30", "--obstacle-parts", "60", "--repeats", "2", "--json", str(out)]
     assert main(arguments) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 1 + 2 * (2 + len(bench_parts.LIMITS)) == 1 + len(json.loads(out.read_text()))
+    assert len(lines) == 1 + 2 * (3 + len(bench_parts.LIMITS)) == 1 + len(json.loads(out.read_text()))
     assert lines[1].split() == ["window", "0", "60", "0.50", "1.00", "0.02", "100", "poses"]

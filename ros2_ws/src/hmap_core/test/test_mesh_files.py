@@ -91,6 +91,36 @@ BAD = {
 }
 
 
+OTHER_CONTENT = {
+    "pointer": (b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 9\n", "fetch .* by 'git lfs pull'"),
+    "page": (b"<!DOCTYPE html><html>404</html>", "is a page of the web; download the file itself"),
+    "archive": (b"PK\x03\x04...", "is a ZIP archive; unpack it"),
+    "compressed": (b"\x1f\x8b\x08...", "is compressed; unpack it"),
+}
+
+
+@pytest.mark.parametrize("suffix", ["stl", "obj", "dae"])
+@pytest.mark.parametrize("kind", OTHER_CONTENT)
+def test_files_that_are_something_else_are_told_with_the_remedy(tmp_path, kind, suffix):
+    content, says = OTHER_CONTENT[kind]
+    path = tmp_path / f"box.{suffix}"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=says):
+        read_hull(path)
+
+
+@pytest.mark.parametrize("header", [b"made by hand", b"solid box"])
+def test_binary_stl_files_may_be_longer_than_their_header_says_and_not_shorter(tmp_path, header):
+    path = meshes.save(meshes.box(), tmp_path / "box.stl")
+    data = header.ljust(80) + path.read_bytes()[80:]
+    path.write_bytes(data + 37 * b"\0")
+    np.testing.assert_allclose(np.ptp(read_hull(path).vertices, axis=0), (0.1, 0.2, 0.3), atol=1e-6)
+    np.testing.assert_allclose(np.ptp(mesh_points(path), axis=0), (0.1, 0.2, 0.3), atol=1e-6)
+    path.write_bytes(data[:-60])
+    with pytest.raises(InputError, match="its header says 12 triangles, which are 684 bytes, and it has 624"):
+        read_hull(path)
+
+
 @pytest.mark.parametrize("name", BAD)
 def test_what_is_no_mesh_is_refused(tmp_path, name):
     text, says = BAD[name]

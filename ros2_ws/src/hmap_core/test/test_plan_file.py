@@ -2,6 +2,7 @@
 
 import copy
 import json
+import os
 import re
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
@@ -183,6 +184,17 @@ def test_a_file_that_cannot_be_read_or_written_is_an_input_error(plan: Plan, tmp
     ):
         with pytest.raises(InputError, match="cannot be"):
             call()
+
+
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.json")
+    with pytest.raises(InputError, match="pipe.json: cannot be read: it is a folder, a pipe or a device"):
+        plan_file.load(tmp_path / "pipe.json")
+
+
+def test_a_byte_order_mark_is_no_matter(document: dict, tmp_path: Path) -> None:
+    (tmp_path / "plan.json").write_text(json.dumps(document), encoding="utf-8-sig")
+    assert plan_file.to_dict(plan_file.load(tmp_path / "plan.json")) == document
 
 
 def test_a_plan_with_nan_is_not_written(plan: Plan, tmp_path: Path) -> None:

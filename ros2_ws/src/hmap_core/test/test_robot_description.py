@@ -43,6 +43,12 @@ ERRORS = {  # what is wrong: description, and what the error says
     "no limits": (elbow(limit=""), "joint 'elbow': is revolute and has no <limit>"),
     "negative velocity": (elbow(limit='<limit lower="-1" upper="1" velocity="-2"/>'), 'velocity="-2" is negative'),
     "negative effort": (elbow(limit='<limit lower="-1" upper="1" effort="-2"/>'), 'effort="-2" is negative'),
+    "unknown type, which leaves links apart": (elbow(kind="Revolute"), "joint 'elbow': type=\"Revolute\" is not known"),
+    "soft limits outside": (
+        elbow(extra='<safety_controller soft_lower_limit="2" soft_upper_limit="3"/>'),
+        "<safety_controller>: its soft limits 2 to 3 leave nothing of the limits -1.5 to 1.5",
+    ),
+    "other digits": (shaped('<sphere radius="\u0660.\u0665"/>'), "is not a number; write a number"),
     "unknown type": (elbow(kind="hinge"), "joint 'elbow': type=\"hinge\" is not known; allowed: revolute, "),
     "no parent": (elbow().replace('<parent link="upper"/>', ""), "joint 'elbow': has no <parent>"),
     "missing link": (robot(joint("j", "tip", "hand")), "joint 'j': names the link 'hand', which is missing"),
@@ -115,6 +121,16 @@ WARNINGS = {
         "the joint does not move; it is ignored",
     ),
     "two origins": (elbow(extra='<origin xyz="1 2 3"/>'), "has 2 <origin>; the first counts"),
+    "a speck": (shaped('<sphere radius="1e-9"/>'), "is 1e-09 m large; lengths are in metres"),
+    "degrees": (elbow(limit=LIMIT.replace("1.5", "170")), "<limit>: allows the joint 170 rad; limits are in radians"),
+    "turned in degrees": (
+        elbow().replace('<origin xyz="0 0 0.3"/>', '<origin xyz="0 0 0.3" rpy="0 90 0"/>', 1),
+        'rpy="0 90 0" is more than a full turn; angles are in radians',
+    ),
+    "no soft limits": (
+        elbow(extra='<safety_controller soft_lower_limit="0" soft_upper_limit="0"/>'),
+        "both soft limits are 0; they are ignored",
+    ),
     "millimetres": (shaped('<sphere radius="50"/>'), "is 50 m large; lengths are in metres"),
 }
 
@@ -306,6 +322,26 @@ def test_of_robots_that_come_with_hmap_nothing_is_assumed_but_two_inertias():
     assert [robot_findings(name) for name in ("panda", "iiwa")] == [(), ()]
     said = [str(finding) for finding in robot_findings("xarm6")]
     assert len(said) == 2 and all("has no <inertia> that a body can have" in text for text in said)
+
+
+def test_soft_limits_count_in_planner_and_judge(tmp_path):
+    """Beyond them a controller stops the joint; where one is missing, that of ``<limit>`` counts."""
+    text = elbow(extra='<safety_controller soft_lower_limit="-0.5" k_velocity="40"/>')
+    ours = load_robot_description(write(tmp_path, text)).require_valid().joints["elbow"]
+    (theirs,) = [joint for joint in judge.load(str(tmp_path / "arm.urdf")).joints if joint.name == "elbow"]
+    assert (ours.lower, ours.upper) == (theirs.lower, theirs.upper) == (-0.5, 1.5)
+
+
+def test_what_is_no_regular_file_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "arm.urdf")
+    with pytest.raises(InputError, match=r"arm.urdf: cannot be read: it is a folder, a pipe or a device"):
+        load_robot_description(tmp_path / "arm.urdf").require_valid()
+
+
+def test_a_folder_with_the_name_of_a_mesh_is_named(tmp_path):
+    (tmp_path / "a.stl").mkdir()
+    with pytest.raises(InputError, match=r"mesh 'a.stl' named in arm.urdf does not exist; .*/a.stl is a folder"):
+        load_robot_description(write(tmp_path, shaped('<mesh filename="a.stl"/>'))).require_valid()
 
 
 def test_infinite_limits_are_none(tmp_path):

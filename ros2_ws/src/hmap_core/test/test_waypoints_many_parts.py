@@ -8,13 +8,14 @@ import pytest
 from geometry_fixtures import box
 from many_parts_fixtures import parts, random_pose
 
+from hmap_core import clock
 from hmap_core.benchmark.many_parts import window
 from hmap_core.collision.bvh import build_tree
 from hmap_core.collision.convex import convex_set
 from hmap_core.stability import mass
 from hmap_core.transforms import pose
 from hmap_core.types import Body, BodyKind, Shape, ShapeKind
-from hmap_core.waypoints import NoObjectPath, ObjectPathProblem, checker, clock, plan_waypoints
+from hmap_core.waypoints import NoObjectPath, ObjectPathProblem, checker, plan_waypoints
 from hmap_core.waypoints.checker import Geometry, ObjectChecker
 from hmap_core.waypoints.enclosure import enclosure, inner_ball
 

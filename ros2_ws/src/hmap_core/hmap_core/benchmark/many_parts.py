@@ -9,9 +9,23 @@ import numpy as np
 
 from hmap_core import planner
 from hmap_core.exceptions import HmapError
+from hmap_core.kinematics.arm import load_arm
+from hmap_core.planner.segments import attach_body
 from hmap_core.scenes import load_robot_model
-from hmap_core.transforms import from_rpy, pose
-from hmap_core.types import Body, BodyKind, Goal, Robot, Scene, Shape, ShapeKind, TaskMode
+from hmap_core.transforms import from_rpy, inverse, multiply, pose
+from hmap_core.types import (
+    Body,
+    BodyKind,
+    ContactKind,
+    ContactPoint,
+    Goal,
+    Robot,
+    Scene,
+    SceneState,
+    Shape,
+    ShapeKind,
+    TaskMode,
+)
 from hmap_core.waypoints import NoObjectPath, ObjectPathProblem, kernels, plan_waypoints
 from hmap_core.waypoints.checker import PENETRATION_ALLOWED, Geometry
 
@@ -20,6 +34,7 @@ HOLE = 0.4  # m, side of the window
 SIZE = 0.3  # m, length of the bracket's bars
 BEYOND = 90.0  # m, extent of the plates beside the wall, which nothing passes
 BRICK, BARRIER = (0.04, 0.05, 0.15), (0.5, 0.04, 0.08)  # m, what an arm carries over what
+RAISED = 0.02  # m over the table, of a brick that is attached
 LIMIT = 60.0  # s, for problems that have a path
 
 
@@ -111,6 +126,42 @@ def carried(parts: int, obstacle_parts: int, seed: int) -> Scene:
         cameras={},
         goal=Goal("brick", goal),
     )
+
+
+def attached(parts: int, obstacle_parts: int, seed: int) -> tuple[Scene, SceneState, list[np.ndarray]]:
+    """An arm that has the brick of :func:`carried` attached, at home, has to move it low over the table.
+
+    Returns:
+        The scene, the state at the start, and poses (7,) of the end effector before the barrier and beyond it.
+    """
+    scene = carried(parts, obstacle_parts, seed)
+    down = pose((0.0, 0.0, 0.05), (1.0, 0.0, 0.0, 0.0))
+    y, z = np.eye(3)[1:]
+    grasp = ContactPoint(ContactKind.GRASP, down, np.array([0.0, 0.025, 0.05]), y, BRICK[1], z)
+    T_start = scene.bodies["brick"].pose
+    state = scene.start_state()
+    T_ee = load_arm(scene.robots["arm"].model).end_effector(state.q["arm"])
+    state.gripper["arm"], state.poses["brick"] = BRICK[1], multiply(T_ee, inverse(down))
+    raised = pose((0.0, 0.0, RAISED))
+    return (
+        attach_body(scene, "arm", "brick", grasp, T_start),
+        state,
+        [multiply(multiply(raised, T), down) for T in (T_start, scene.goal.pose)],
+    )
+
+
+def run_transit(scene: Scene, state: SceneState, ends: list[np.ndarray], limit: float = LIMIT) -> Trial:
+    """Move what is attached to an arm past the barrier, from before it."""
+    before = planner.plan_motion(scene, "arm", T_world_ee=ends[0], state=state, time_limit=LIMIT)
+    there = state.copy()
+    there.q["arm"] = before.trajectory.joints["arm"][-1]
+    cpu, wall = time.process_time(), time.monotonic()
+    try:
+        motion = planner.plan_motion(scene, "arm", T_world_ee=ends[1], state=there, time_limit=limit)
+        poses = len(motion.trajectory.time)
+    except HmapError:
+        poses = 0
+    return Trial(time.process_time() - cpu, time.monotonic() - wall, limit, poses, True)
 
 
 def _grid(size: tuple[float, ...], count: int) -> tuple[Shape, ...]:

@@ -1,4 +1,4 @@
-"""``hmap bench parts``: object paths, and whole plans, of bodies of many parts among obstacles of many parts."""
+"""``hmap bench parts``: object paths, whole plans and transits of bodies of many parts among many parts."""
 
 import argparse
 import json
@@ -36,6 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"{'problem':<16}{'seed':>5}{'limit s':>9}{'CPU s':>8}{'wall s':>8}{'wall / limit':>14}  path", flush=True)
     many_parts.run(many_parts.window(30, 30, 0))  # what is compiled is loaded
     many_parts.run_plan(many_parts.carried(10, 10, 0))
+    many_parts.run_transit(*many_parts.attached(80, 80, 0))
 
     def window(lid: bool, seed: int, limit: float) -> many_parts.Trial:
         return many_parts.run(many_parts.window(arguments.parts, arguments.obstacle_parts, seed, lid), limit)
@@ -43,10 +44,14 @@ def run(arguments: argparse.Namespace) -> int:
     def carried(seed: int, limit: float) -> many_parts.Trial:
         return many_parts.run_plan(many_parts.carried(arguments.parts, arguments.obstacle_parts, seed), limit)
 
+    def attached(seed: int, limit: float) -> many_parts.Trial:
+        return many_parts.run_transit(*many_parts.attached(arguments.parts, arguments.obstacle_parts, seed), limit)
+
     kinds: dict[str, Callable[[int, float], many_parts.Trial]] = {
         "window": partial(window, False),
         "closed window": partial(window, True),
         "carried": carried,
+        "attached": attached,
     }
     for name, measure in kinds.items():
         for seed in range(arguments.repeats):

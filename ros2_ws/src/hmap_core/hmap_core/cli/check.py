@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hmap_core.exceptions import Code, InputError
+from hmap_core.regular_file import regular
 
 HELP = "say whether a plan file holds a valid plan, and if not, what is wrong with it"
 
@@ -39,9 +40,10 @@ def read(path: Path) -> dict[str, Any]:
         InputError: INVALID_PLAN_FILE; the file cannot be read, or contains no JSON object.
     """
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(regular(path).read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError) as error:
-        raise InputError(f"{path}: cannot be read as JSON: {error}", Code.INVALID_PLAN_FILE) from error
+        why = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be read as JSON: {why}", Code.INVALID_PLAN_FILE) from error
     if not isinstance(document, dict):
         kind = type(document).__name__
         raise InputError(f"{path}: holds a JSON {kind}; a plan is an object", Code.INVALID_PLAN_FILE)

@@ -8,6 +8,7 @@ from numba import njit
 
 from hmap_core.contacts.solids import covered, interval, solids
 from hmap_core.contacts.surface import sample_surface
+from hmap_core.deadline import check_time
 from hmap_core.exceptions import InputError
 from hmap_core.transforms import IDENTITY, apply, inverse, rotation_matrix
 from hmap_core.types import Body, Camera
@@ -120,6 +121,7 @@ def visible_points(
     cameras = list(cameras)
     parts: list[Cloud] = []
     for k in range(MAX_ROUNDS if cameras else 1):
+        check_time()
         points, normals = sample_surface(body.shapes, n, rng)
         if len(own) > 1:
             keep = _uncovered(points, normals, *own.arrays)

@@ -21,6 +21,7 @@ from hmap_core.contacts.hand import hand_of
 from hmap_core.contacts.hand_reach import hand_reach
 from hmap_core.contacts.press import press_reach
 from hmap_core.contacts.push import push_reach
+from hmap_core.deadline import check_time
 from hmap_core.komo.features import pose_params_all
 from hmap_core.komo.ik import follow_ik, solve_ik_batch
 from hmap_core.komo.manipulation import Manipulation
@@ -137,6 +138,7 @@ def _bounds(
     bound = np.full(len(contacts), -1)
     possible = np.flatnonzero(within > 0)
     for own in alike([contacts[k] for k in possible.tolist()]):
+        check_time()
         members = possible[own]
         first = contacts[int(members[0])]
         at_start = manipulation.coming_collisions(first, object_poses[0]).arrays()
@@ -231,6 +233,7 @@ def accesses(
     home = manipulation.scene.robots[manipulation.robot].model.home
     starts = [home] * from_home + [*rng.uniform(chain.lower, chain.upper, (RESTARTS, n))]
     for members in alike(contacts):
+        check_time()
         index = np.array(members)
         collisions = manipulation.coming_collisions(contacts[members[0]], T_world_obj)
         problem = ik_problem(manipulation, collisions, Phase.APPROACH)

@@ -18,11 +18,13 @@ from hmap_core.contacts.candidates import (
     tangents,
 )
 from hmap_core.contacts.solids import Solids, outward_normal, way_out
+from hmap_core.deadline import check_time
 from hmap_core.transforms import rotation_matrix
 from hmap_core.types import ContactKind
 
 # the opening stays this much below the gripper's largest one, m
 WIDTH_CLEARANCE = 5e-4
+AT_ONCE = 1_000_000  # points times shapes that are looked at between two looks at the clock
 # number of approach directions about the closing axis
 APPROACHES = 12
 # grasp depth beyond which the score does not increase, m
@@ -56,6 +58,15 @@ def depth_below(points, directions, kind, R, p, size, planes, start):
     for i in range(points.shape[0]):
         out[i], _ = way_out(points[i], directions[i], kind, R, p, size, planes, start)
     return out
+
+
+def _depths(points: np.ndarray, directions: np.ndarray, own: Solids) -> np.ndarray:
+    """:func:`depth_below` of many points, which looks at the clock in between."""
+    found = []
+    for some in np.array_split(np.arange(len(points)), len(points) * len(own) // AT_ONCE + 1):
+        check_time()
+        found.append(depth_below(points[some], directions[some], *own.arrays))
+    return np.concatenate(found)
 
 
 def antipodal(cloud: Cloud, own: Solids, hand: Hand, friction: float) -> tuple[np.ndarray, np.ndarray]:
@@ -145,7 +156,7 @@ def grasps(
     z = np.cos(turn)[:, None] * down + np.sin(turn)[:, None] * other
     R = frames(z, np.cross(y, z))
     middle = points - 0.5 * width[:, None] * normals
-    above = depth_below(middle, np.ascontiguousarray(-z), *own.arrays)
+    above = _depths(middle, np.ascontiguousarray(-z), own)
     shallower, keep = clear_of_palm(above, hand)
     shallower = np.maximum(shallower, _off_floor(z, y, middle, hand, situation.T_world_obj, floor))
     origin = middle - z * shallower[:, None]

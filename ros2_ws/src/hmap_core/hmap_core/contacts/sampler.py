@@ -14,6 +14,7 @@ from hmap_core.contacts.push import pushes
 from hmap_core.contacts.solids import Solids, interval, outward_normal, solids
 from hmap_core.contacts.spanning import antipodal_outside
 from hmap_core.contacts.touch import touches
+from hmap_core.deadline import check_time
 from hmap_core.stability.mass import centre_of_mass
 from hmap_core.transforms import IDENTITY, rotation_matrix
 from hmap_core.types import Body, ContactPoint, TaskMode
@@ -77,6 +78,7 @@ def candidates(
     """
     if spanning and (mode == TaskMode.KINEMATIC or hand.gripper is None or len(body.shapes) < 2):
         return []
+    check_time()
     own = solids([(shape, IDENTITY) for shape in body.shapes])
     shapes = convex_set(body.shapes)
     centre = centre_of_mass(shapes)
@@ -87,6 +89,7 @@ def candidates(
         return []
     if mode == TaskMode.KINEMATIC:
         return [touches(cloud, centre, radius, hand, situation, rng)]
+    check_time()
     sets = [] if spanning else [pushes(body, cloud, own, centre, radius, hand, situation, rng)]
     if hand.gripper is not None:
 
@@ -94,6 +97,7 @@ def candidates(
             return in_regions(points, body.graspable)
 
         opposite = antipodal_outside if spanning else antipodal
+        check_time()
         floor = _lowest(shapes, situation.T_world_obj)
         sets.append(grasps(cloud, own, centre, radius, hand, body.friction, allowed, situation, opposite, floor))
     return [s for s in sets if s is not None and len(s)]

@@ -17,7 +17,7 @@ Samples = namedtuple("Samples", "first alpha mask")
 Options = namedtuple(
     "Options",
     "mu mu_growth mu_max tolerance outer inner iterations max_step damping step_tolerance gain_tolerance "
-    "acceleration velocity detection_distance optimality",
+    "acceleration velocity detection_distance optimality deadline",
 )
 # Multipliers of the terms (M, MAX_DIM), of the pairs at each sample (S, P), of the joint limits (T, n, 2), and the
 # penalty mu (1,): what a solve can be gone on with.

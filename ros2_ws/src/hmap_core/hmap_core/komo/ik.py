@@ -2,12 +2,14 @@
 
 import numpy as np
 
+from hmap_core.deadline import check_time
 from hmap_core.komo.ik_kernels import follow, solve_batch, solve_until
 from hmap_core.komo.transcription import KomoProblem
 
 
 def _one_step(problem: KomoProblem, params: np.ndarray):
     """What the compiled code takes of one-step problems with these parameters (K, N)."""
+    check_time()
     padded = np.ascontiguousarray(np.concatenate([params, np.zeros((len(params), 1))], axis=1))
     terms, samples, options = problem.packed()
     return terms, padded, problem.arrays(), samples, options

@@ -21,7 +21,7 @@ def _solve_configuration(X, prefix, chain, terms, cols, samples, o):
     n = X.shape[1]
     rough = Options(
         o.mu, o.mu_growth, o.mu_max, max(ROUGH, o.tolerance), o.outer, o.inner, o.iterations, o.max_step, o.damping,
-        o.step_tolerance, o.gain_tolerance, o.acceleration, o.velocity, o.detection_distance, o.optimality,
+        o.step_tolerance, o.gain_tolerance, o.acceleration, o.velocity, o.detection_distance, o.optimality, o.deadline,
     )  # fmt: skip
     free = Samples(samples.first, samples.alpha, np.zeros_like(samples.mask))
     mult = new_multipliers(1, n, terms, cols, samples, o.mu)

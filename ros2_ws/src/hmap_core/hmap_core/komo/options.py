@@ -30,6 +30,7 @@ class SolverOptions:
             samples, with
             this detection_distance (m), to this tolerance (m, rad); 0 samples: not.
         refinements: how often samples are added where a solved path comes too near between them.
+        deadline: monotonic time (s) after which a solve ends without a feasible path.
     """
 
     mu: float = 3000.0
@@ -52,6 +53,7 @@ class SolverOptions:
     coarse_detection_distance: float = 0.08
     coarse_tolerance: float = 2e-3
     refinements: int = 4
+    deadline: float = np.inf
 
     @cached_property
     def packed(self) -> Options:

@@ -12,6 +12,7 @@ convergence asks the worst component, in metres and radians, never a sum.
 import numba as nb
 import numpy as np
 
+from hmap_core.clock import now
 from hmap_core.collision.compile_options import OPTIONS
 from hmap_core.collision.pairs import BEYOND
 from hmap_core.komo.banded import PADDING
@@ -67,6 +68,8 @@ def solve_from(X, prefix, chain, terms, cols, samples, o, mult, s):
         if not merit < NO_NUMBER:
             return cost, BEYOND, BEYOND, iterations
         for _ in range(int(o.inner)):
+            if o.deadline < np.inf and now() > o.deadline:
+                return cost, BEYOND, BEYOND, iterations
             iterations += 1
             accepted = False
             size = 0.0

@@ -26,7 +26,7 @@ Motion = namedtuple("Motion", "spin spin_rate velocity acceleration second third
 
 
 @nb.njit(**PLAIN)
-def _derive(chain, dq, R, p, motion):
+def derive(chain, dq, R, p, motion):
     """Writes the motion of the frames (R, p) along dq (n,)."""
     spin, rate, velocity, acceleration = motion.spin, motion.spin_rate, motion.velocity, motion.acceleration
     turn, second, third = 0.0, 0.0, 0.0
@@ -68,7 +68,7 @@ def _derive(chain, dq, R, p, motion):
 
 
 @nb.njit(**INLINE)
-def _travel(cols, s, half, p, centers, motion):
+def travel_bound(cols, s, half, p, centers, motion):
     """How far any point of the shape s may move within ``half`` of the way to either side, m."""
     f = cols.frame[s]
     if f == 0:
@@ -83,7 +83,7 @@ def _travel(cols, s, half, p, centers, motion):
 
 
 @nb.njit(**PLAIN)
-def _approach(cols, k, half, p, centers, motion, witness):
+def approach_bound(cols, k, half, p, centers, motion, witness):
     """By how much the shapes of pair k may come nearer along their normal within ``half`` of the way, m."""
     n0, n1, n2 = witness[0, 0], witness[0, 1], witness[0, 2]
     speed, rate, turning, jerk = 0.0, 0.0, 0.0, 0.0
@@ -117,7 +117,7 @@ def _approach(cols, k, half, p, centers, motion, witness):
 
 
 @nb.njit(**PLAIN)
-def _halve(path, t, dq, k, chain, cols, resolution, q, R, p, centers, motion, pieces, guess, witness, work):
+def halve(path, t, dq, k, chain, cols, resolution, q, R, p, centers, motion, pieces, guess, witness, work):
     """Looks closer at pair k in the interval t; returns (its worst violation in m, where in the interval)."""
     min_distance, a, b = cols.min_distance[k], cols.a[k], cols.b[k]
     worst, where = 0.0, 0.0
@@ -130,7 +130,7 @@ def _halve(path, t, dq, k, chain, cols, resolution, q, R, p, centers, motion, pi
         for i in range(q.shape[0]):
             q[i] = path[t, i] + middle * dq[i]
         forward(q, chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R, p)
-        _derive(chain, dq, R, p, motion)
+        derive(chain, dq, R, p, motion)
         for side in range(2):
             s = a if side == 0 else b
             f = cols.frame[s]
@@ -138,13 +138,13 @@ def _halve(path, t, dq, k, chain, cols, resolution, q, R, p, centers, motion, pi
                 centers[s, x] = p[f, x]
                 for y in range(3):
                     centers[s, x] += R[f, x, y] * cols.center[s, y]
-        travel = _travel(cols, a, half, p, centers, motion) + _travel(cols, b, half, p, centers, motion)
+        travel = travel_bound(cols, a, half, p, centers, motion) + travel_bound(cols, b, half, p, centers, motion)
         slack = pair_distance(cols, k, R, p, centers, min_distance + travel, guess, witness, work) - min_distance
         if -slack > worst:
             worst, where = -slack, middle
         if slack > travel:
             continue
-        approach = _approach(cols, k, half, p, centers, motion, witness)
+        approach = approach_bound(cols, k, half, p, centers, motion, witness)
         if approach > max(slack, resolution) and count + 2 <= pieces.shape[0]:
             pieces[count, 0], pieces[count, 1] = middle, end
             pieces[count + 1, 0], pieces[count + 1, 1] = begin, middle
@@ -164,12 +164,12 @@ def _intervals(
             dq[i] = path[t + 1, i] - path[t, i]
             q[i] = path[t, i] + half * dq[i]
         forward(q, chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R, p)
-        _derive(chain, dq, R, p, motion)
+        derive(chain, dq, R, p, motion)
         if t == 0:
             place_centers(cols, R, p, centers)
         move_on(cols, R, p, centers, turned, moved, slack)
         for s in range(travel.shape[0]):
-            travel[s] = _travel(cols, s, half, p, centers, motion)
+            travel[s] = travel_bound(cols, s, half, p, centers, motion)
         for k in range(slack.shape[0]):
             moves = travel[cols.a[k]] + travel[cols.b[k]]
             if slack[k] > moves or cols.phases[k] & masks[t] == 0:
@@ -178,11 +178,11 @@ def _intervals(
             slack[k] = d - cols.min_distance[k]
             if -slack[k] > violation[t]:
                 violation[t], pair[t], where[t] = -slack[k], k, half
-            if slack[k] > moves or not _approach(cols, k, half, p, centers, motion, witness) > max(
+            if slack[k] > moves or not approach_bound(cols, k, half, p, centers, motion, witness) > max(
                 slack[k], resolution
             ):
                 continue
-            worst, at = _halve(
+            worst, at = halve(
                 path, t, dq, k, chain, cols, resolution, q, R_own, p_own, own, motion_own, pieces, guesses[k], witness,
                 work,
             )  # fmt: skip
@@ -191,7 +191,8 @@ def _intervals(
 
 
 @nb.njit(**OPTIONS)
-def _new_motion(frames):
+def new_motion(frames):
+    """Room for the motion of some frames, zero at first."""
     return Motion(
         np.zeros((frames, 3)), np.zeros((frames, 3)), np.zeros((frames, 3)), np.zeros((frames, 3)), np.zeros(frames),
         np.zeros(frames),
@@ -217,7 +218,7 @@ def between_violations(path, masks, chain, cols, resolution):
         path, masks, chain, cols, resolution, violation, pair, where, np.zeros(n), np.zeros(n),
         np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3)), np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3)),
         np.zeros((n + 1, 3, 3)), np.zeros((shapes, 3)), np.zeros((shapes, 3)), np.zeros(shapes), np.zeros(shapes),
-        np.zeros(P), _new_motion(n + 1), _new_motion(n + 1), np.zeros((PIECES, 2)), np.zeros((P, 9), np.int16),
+        np.zeros(P), new_motion(n + 1), new_motion(n + 1), np.zeros((PIECES, 2)), np.zeros((P, 9), np.int16),
         np.zeros((3, 3)), np.zeros(WORK),
     )  # fmt: skip
     return violation, pair, where

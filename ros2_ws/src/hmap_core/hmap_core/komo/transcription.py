@@ -10,6 +10,8 @@ from typing import Self
 import numpy as np
 
 from hmap_core.collision.scene_model import PER_PAIR, CollisionModel, Collisions
+from hmap_core.deadline import check_time
+from hmap_core.deadline import deadline as deadline_of_job
 from hmap_core.komo.allowances import relaxed
 from hmap_core.komo.arrays import Options, Samples, Terms
 from hmap_core.komo.between import BETWEEN_BAND, by_unit, new_place, violated_between
@@ -127,6 +129,7 @@ class KomoProblem(PathProblem):
             if best is not None and time.monotonic() - began > time_limit:
                 best = replace(best, status=Status.TIME_LIMIT)
                 break
+            check_time()
             attempts += 1
             guess = initial if attempt == 0 else None
             if guess is None:
@@ -148,7 +151,7 @@ class KomoProblem(PathProblem):
         """One first guess, with more samples where the path fails between them."""
         X = np.ascontiguousarray(initial, float).copy()
         prefix = np.ascontiguousarray([start, start], float)
-        options = self.options.packed
+        options = self.options.packed._replace(deadline=deadline_of_job())
         extra: list[tuple[int, float]] = []
         between: list[tuple[int, int, float]] = []
         counting = _counting(cols, self.masks())
@@ -156,6 +159,7 @@ class KomoProblem(PathProblem):
         for refinement in range(self.options.refinements + 1):
             cost, eq, ineq, steps = solve(X, prefix, self.chain, terms, counting, samples, options)
             iterations += steps
+            check_time()
             if not (max(eq, ineq) <= self.options.tolerance and np.isfinite(X).all()):
                 worst = self._worst(X, start, cols)
                 return KomoResult(X, False, cost, eq, ineq, iterations, worst, Status.INFEASIBLE)
@@ -184,7 +188,10 @@ class KomoProblem(PathProblem):
         if stride <= 1:
             return 0
         first = replace(
-            options, detection_distance=options.coarse_detection_distance, tolerance=options.coarse_tolerance
+            options,
+            detection_distance=options.coarse_detection_distance,
+            tolerance=options.coarse_tolerance,
+            deadline=deadline_of_job(),
         )
         return solve(X, prefix, self.chain, terms, cols, self.coarse_samples(samples, stride), first.packed)[3]
 

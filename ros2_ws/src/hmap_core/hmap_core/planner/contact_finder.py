@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hmap_core.deadline import check_time
 from hmap_core.exceptions import Code, ContactError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.planner.contact_checker import is_lifted
@@ -108,6 +109,7 @@ class RobotSearch:
             if not (batch or to_the_end):
                 break
             self.checked += len(batch)
+            check_time()
             feasible = self._checker.check(self._query, batch.contacts, beyond)
             if feasible:
                 source = getattr(proposer, "name", "")

@@ -1,13 +1,15 @@
 """What one planning job carries along: the problem, the parts that solve it, its limits, and what has happened."""
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from hmap_core.contacts.camera import Cloud
+from hmap_core.deadline import until
 from hmap_core.exceptions import Code, HmapError, PlannerError
 from hmap_core.planner.components import PlannerComponents
 from hmap_core.planner.interfaces import Progress, ProgressCallback, ToolGrasp
@@ -134,6 +136,20 @@ class SearchContext:
             limit = self.budget.time_limit
             raise PlannerError(f"no plan within {limit:g} s; last: {self.record.reason}", Code.TIME_LIMIT)
         return left
+
+    @contextmanager
+    def within_time(self) -> Iterator[None]:
+        """Run a block whose long steps look at the clock (:mod:`hmap_core.deadline`).
+
+        Raises:
+            PlannerError: TIME_LIMIT, with the last failure.
+        """
+        try:
+            with until(self.budget.deadline):
+                yield
+        except PlannerError:
+            self.time_left()  # says what failed last
+            raise
 
     def report(self, phase: str, waypoint: int = 0, waypoints: int = 0, attempt: int = 0, text: str = "") -> None:
         """Tell people what begins now. Raises PlannerError as :meth:`time_left`."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hmap_core.contacts.camera import Cloud
+from hmap_core.deadline import check_time
 from hmap_core.exceptions import Code, HmapError
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import preconditions
@@ -125,8 +126,9 @@ class PlanningJob:
 
     def plan(self) -> Plan:
         """Check the task, and search. Raises HmapError."""
-        goal = self.checked_goal()
-        return self.search.plan(goal, SolutionSequence(self.start, tool_grasp=self.tool_grasp), self.accepted)
+        with self.context.within_time():
+            goal = self.checked_goal()
+            return self.search.plan(goal, SolutionSequence(self.start, tool_grasp=self.tool_grasp), self.accepted)
 
     def checked_goal(self) -> Goal:
         """Check the task before anything is planned; the goal, where its object can stand within the tolerance.
@@ -142,9 +144,11 @@ class PlanningJob:
             preconditions.check_goal_support(self.scene, self.start, goal)
         goal, moved = attainable_goal(self.scene, self.start, goal)
         self.notes += moved
+        check_time()
         attached = self.scene if self.tool_grasp is None else attach_tool(self.scene, self.tool_grasp)
         preconditions.check_robots(attached, self.start, goal.object)
         preconditions.check_reach(self.scene, self.start, goal)
+        check_time()
         preconditions.check_grip(self.scene, self.start, goal)
         preconditions.check_weight(self.scene, self.start, goal)
         tool = None if self.tool_grasp is None else self.tool_grasp.tool
@@ -174,7 +178,9 @@ class PlanningJob:
         }
         plan = assemble(self.scene, self.start, sequence.motions, waypoints, stats)
         self.context.report("checking", len(waypoints), len(waypoints), text="the judge looks at the plan")
-        report = check(to_dict(plan))
+        content = to_dict(plan)
+        self.context.time_left()
+        report = check(content, self.context.time_left)
         if not report.valid:
             self._rejected(report)
             return None

@@ -13,6 +13,7 @@ from hmap_core.contacts.grasp_torque import pad_balance, push_torque_ratio
 from hmap_core.contacts.hand import align_pads, drop_unfit_grasps, hand_of
 from hmap_core.contacts.sampler import sample_contacts
 from hmap_core.contacts.solids import solids
+from hmap_core.deadline import check_time
 from hmap_core.kinematics.arm import ALL_DIRECTIONS, load_arm
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.planner.nearby_shapes import box_of, shapes_in_box
@@ -53,6 +54,7 @@ class SampledContacts:
             surface = sampled_surface(scene, query.state, query.object, poses[0], query.rng)
         hand = hand_of(placed)
         room = ACCESS if hand.gripper is None else hand.gripper.pad_half_width
+        check_time()
         near = box_of(scene.bodies[query.object], poses[0]) + (room + SKIN) * np.array([[-1.0], [1.0]])
         others = shapes_in_box(_others(scene, query.state, query.object), near)
         around = solids([(shape, T) for other, T in others for shape in other.shapes])
@@ -71,6 +73,7 @@ class SampledContacts:
             )
             for batch in left[-1]:
                 total += len(batch)
+                check_time()
                 if limited:
                     manipulation = Manipulation(scene, query.state, query.robot, query.object)
                     batch = reached_frames(manipulation, body, hand, batch, poses, query.rng)

@@ -13,8 +13,7 @@ import numpy as np
 
 from hmap_core.collision.scene_model import Collisions
 from hmap_core.kinematics.chain import Chain
-from hmap_core.komo.path_collisions import path_violations
-from hmap_core.komo.sweep import between_violations
+from hmap_core.komo.pair_blocks import PairChecks
 from hmap_core.planner.hand_moves import HandMoves
 from hmap_core.transforms import rotation_matrix
 
@@ -50,16 +49,16 @@ class TransitChecks:
 
     def __init__(self, chain: Chain, cols: Collisions, mask: int):
         self.chain, self._mask = chain, mask
-        self._cols = cols._replace(min_distance=cols.min_distance - SLACK)
+        self._pairs = PairChecks(chain, cols._replace(min_distance=cols.min_distance - SLACK))
         self.looks = 0
 
     def reached(self, path: np.ndarray) -> int:
         """How many of the configurations (m + 1, n) after the first are reached freely, straight from one to the
         next."""
-        steps = self._before_hit(path_violations(path[1:], self._masks(len(path) - 1), self.chain, self._cols, 0.0)[1])
+        steps = self._before_hit(self._pairs.along(path[1:], self._masks(len(path) - 1), 0.0)[1])
         self.looks += len(path) - 1 + INTERVAL_LOOKS * steps
         path = path[: steps + 1]
-        return self._before_hit(between_violations(path, self._masks(steps), self.chain, self._cols, UNSEEN)[1])
+        return self._before_hit(self._pairs.between(path, self._masks(steps), UNSEEN)[1])
 
     def line(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Configurations (m + 1, n) straight from a to b (n,), INTERVAL apart or less."""
@@ -74,7 +73,7 @@ class TransitChecks:
     def hit(self, path: np.ndarray) -> np.ndarray:
         """Which intervals (m,) of a path (m + 1, n), straight between its configurations, are not free."""
         self.looks += INTERVAL_LOOKS * (len(path) - 1)
-        return between_violations(path, self._masks(len(path) - 1), self.chain, self._cols, UNSEEN)[1] >= 0
+        return self._pairs.between(path, self._masks(len(path) - 1), UNSEEN)[1] >= 0
 
     def _masks(self, count: int) -> np.ndarray:
         return np.full(count, self._mask, np.int64)

@@ -10,7 +10,7 @@ import numpy as np
 from hmap_core.collision.scene_model import CollisionModel, Collisions
 from hmap_core.komo.allowances import relaxed
 from hmap_core.komo.manipulation import Manipulation
-from hmap_core.komo.sweep import between_violations
+from hmap_core.komo.pair_blocks import PairChecks
 from hmap_core.planner.hand_moves import HandMoves
 from hmap_core.planner.transit import UNSEEN, find_transit
 from hmap_core.types import TaskMode
@@ -59,7 +59,7 @@ class TransitSearch:
         cols = self._with_room(self._rooms[-1])
         cols = cols._replace(min_distance=cols.min_distance - STRAYS)
         masks = np.full(len(path) - 1, self._mask, np.int64)
-        return not (between_violations(path, masks, self._chain, cols, UNSEEN)[1] >= 0).any()
+        return not (PairChecks(self._chain, cols).between(path, masks, UNSEEN)[1] >= 0).any()
 
     def ways(self, rng: np.random.Generator, deadline: float, narrow: bool) -> Iterator[np.ndarray]:
         """Ways (m, n) found by search, the ones with most room first.

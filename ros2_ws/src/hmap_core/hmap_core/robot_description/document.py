@@ -6,6 +6,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
+from hmap_core.regular_file import regular
 from hmap_core.robot_description.findings import Finding, Severity
 from hmap_core.robot_description.node import LINE
 
@@ -35,7 +36,7 @@ def read_document(file: Path, findings: list[Finding]) -> Element | None:
         return None
 
     try:
-        if file.stat().st_size > MAX_SIZE:
+        if regular(file).stat().st_size > MAX_SIZE:
             return refuse(f"is larger than {MAX_SIZE} bytes", "is this a robot description?")
         data = file.read_bytes()
     except (OSError, ValueError) as error:

@@ -17,6 +17,7 @@ SIZES = {  # attributes of each kind of shape, with the number of numbers
     "cylinder": (("radius", 1), ("length", 1)),
     "capsule": (("radius", 1), ("length", 1)),
 }
+SPECK = 1e-4  # m; nothing of a robot that collides is smaller
 MILLIMETRES = 20.0  # m; a shape that is larger is probably in millimetres
 
 FindFile = Callable[[str], tuple[Path | None, str]]
@@ -57,7 +58,7 @@ def read_shape(node: Node, find: FindFile) -> Shape | None:
             kind.error(f'{key}="{kind.element.get(key)}" must be above 0')
             return None
         size += numbers.tolist()
-    _check_large(kind, max(size))
+    _check_size(kind, max(size))
     return Shape(ShapeKind(kind.tag), tuple(size), pose)
 
 
@@ -83,10 +84,10 @@ def _mesh(node: Node, pose: np.ndarray, find: FindFile) -> Shape | None:
         return None
     for note in hull.notes:
         node.warn(f"mesh '{path}' {note}")
-    _check_large(node, float((np.ptp(hull.vertices, axis=0) * np.abs(scale)).max()))
+    _check_size(node, float((np.ptp(hull.vertices, axis=0) * np.abs(scale)).max()))
     return Shape(ShapeKind.MESH, tuple(scale.tolist()), pose, path)
 
 
-def _check_large(node: Node, extent: float) -> None:
-    if extent > MILLIMETRES:
+def _check_size(node: Node, extent: float) -> None:
+    if not SPECK <= extent <= MILLIMETRES:
         node.warn(f"is {extent:g} m large", "lengths are in metres")

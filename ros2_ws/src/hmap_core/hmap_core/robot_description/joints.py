@@ -8,9 +8,12 @@ from hmap_core.robot_description.node import Node
 from hmap_core.robot_description.tree import ASSUMED_FIXED, MOVING, Joint
 from hmap_core.transforms import from_rpy
 
+SOFT = ("lower", -np.inf), ("upper", np.inf)  # limits of a safety controller, and what counts where they are missing
 KINDS = (*MOVING, "fixed", *ASSUMED_FIXED)
 LIMITED = ("revolute", "prismatic")
 UNIT_TOLERANCE = 1e-3  # deviation of an axis' length from 1 that is rounding
+LARGEST_ANGLE = 2.01 * np.pi  # rad; a larger one in an origin is probably in degrees
+MOST_TURNS = 4  # of a revolute joint to either side; more are probably in degrees
 SHORTEST_AXIS = 1e-6  # shorter ones have no direction
 
 
@@ -21,6 +24,8 @@ def read_origin(node: Node) -> np.ndarray:
     if origin is None:
         return from_rpy(zero, zero)
     xyz, rpy = (origin.numbers(key, 3, (0.0, 0.0, 0.0)) for key in ("xyz", "rpy"))
+    if rpy is not None and np.abs(rpy).max() > LARGEST_ANGLE:
+        origin.warn(f'rpy="{origin.element.get("rpy")}" is more than a full turn', "angles are in radians")
     return from_rpy(zero if xyz is None else xyz, zero if rpy is None else rpy)
 
 
@@ -80,7 +85,10 @@ def _limits(node: Node, kind: str) -> tuple[float, float, float, float | None]:
             node.warn("has no <limit>; an effort is assumed in the simulation")
         return lower, upper, velocity, effort
     if kind in LIMITED:
-        lower, upper = _range(element)
+        lower, upper = _within_soft_limits(node, *_range(element))
+        far = max((abs(value) for value in (lower, upper) if np.isfinite(value)), default=0.0)
+        if kind == "revolute" and far > 2.0 * np.pi * MOST_TURNS:
+            element.warn(f"allows the joint {far:g} rad", "limits are in radians")
     if element.element.get("velocity") is None:
         element.warn("has no velocity; that of the robot file counts")
     else:
@@ -92,6 +100,24 @@ def _limits(node: Node, kind: str) -> tuple[float, float, float, float | None]:
         if effort == 0.0:
             element.warn('effort="0" lets the joint drop; an effort is assumed in the simulation')
     return lower, upper, velocity, effort if effort and np.isfinite(effort) else None
+
+
+def _within_soft_limits(node: Node, lower: float, upper: float) -> tuple[float, float]:
+    """Position limits within those of ``<safety_controller>``, beyond which a controller stops the joint."""
+    element = node.child("safety_controller")
+    if element is None:
+        return lower, upper
+    soft = [element.number(f"soft_{side}_limit", default, infinite=True) for side, default in SOFT]
+    if soft[0] is None or soft[1] is None:
+        return lower, upper
+    if soft[0] == soft[1] == 0.0:
+        element.warn("both soft limits are 0; they are ignored", "remove them, or give those of the controller")
+        return lower, upper
+    within = max(lower, soft[0]), min(upper, soft[1])
+    if within[0] > within[1]:
+        element.error(f"its soft limits {soft[0]:g} to {soft[1]:g} leave nothing of the limits {lower:g} to {upper:g}")
+        return lower, upper
+    return within
 
 
 def _range(element: Node) -> tuple[float, float]:

@@ -44,7 +44,8 @@ def _load(file: Path, packages: tuple[Path, ...], _version: tuple[int, int]) -> 
     links = _links(robot, file, packages)
     joints, joint_nodes = _joints(robot)
     joined = _joined(joints, joint_nodes, links)
-    root = _root(robot, links, joined, joint_nodes)
+    whole = len(joined) == len(robot.children("joint"))
+    root = _root(robot, links, joined, joint_nodes, whole)
     check_mimics(joint_nodes, list(joints.values()))
     findings.sort(key=lambda finding: finding.line)
     return RobotDescription(file, element.get("name", ""), root, links, joints, tuple(findings), packages, element)
@@ -108,15 +109,18 @@ def _joined(joints: dict[str, Joint], nodes: dict[str, Node], links: dict[str, L
     return list(joined.values())
 
 
-def _root(robot: Node, links: dict[str, Link], joints: Sequence[Joint], nodes: dict[str, Node]) -> str:
-    """Name of the base link; empty, with a recorded error, if the joints form no single tree."""
+def _root(robot: Node, links: dict[str, Link], joints: Sequence[Joint], nodes: dict[str, Node], whole: bool) -> str:
+    """Name of the base link; empty, with a recorded error, if the joints form no single tree.
+
+    Links that only a joint with errors would connect are no further error: ``whole`` says that there is none.
+    """
     rings = loops(joints)
     for ring in rings:
         names = ", ".join(f"'{joint.name}'" for joint in ring)
         nodes[ring[0].name].error(f"the joints {names} form a loop", "a URDF is a tree; remove one of the joints")
     children = {joint.child for joint in joints}
     roots = [name for name in links if name not in children]
-    if len(roots) > 1:
+    if len(roots) > 1 and whole:
         names = ", ".join(f"'{name}'" for name in roots)
         problem = f"has {len(roots)} links that are the child of no joint: {names}"
         robot.error(problem, "exactly one, the base, is allowed; connect the others by joints")

@@ -9,7 +9,7 @@ import numpy as np
 
 from hmap_core.robot_description.findings import Finding, Severity
 
-NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?|nan", re.IGNORECASE)
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?|nan", re.IGNORECASE | re.ASCII)
 LARGEST = 1e6  # m, kg, rad: larger numbers are refused, since they are hardly meant and overflow in products
 LINE = "\x00line"  # key of the line number among an element's attributes; no XML attribute can have this name
 

@@ -73,6 +73,8 @@ def _remedy(scheme: str, rest: str, file: Path) -> str:
     for folder in (file.parent, *file.parents):
         try:
             here = (folder / rest).parent
+            if (folder / rest).is_dir():
+                return f"{folder / rest} is a folder"
             names = [entry.name for entry in here.iterdir()] if here.is_dir() else []
         except (OSError, ValueError):
             continue

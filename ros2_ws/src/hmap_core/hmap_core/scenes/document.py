@@ -15,6 +15,7 @@ from ruamel.yaml.scalarint import ScalarInt
 from ruamel.yaml.scalarstring import ScalarString
 
 from hmap_core.exceptions import Code, InputError
+from hmap_core.regular_file import regular
 
 MAX_FILE_SIZE = 1_000_000  # bytes; a scene has a few kB
 MAX_NODES = 100_000  # values after aliases are expanded
@@ -141,7 +142,7 @@ def _parse(path: Path, text: str) -> Document:
 
 def _read_text(path: Path) -> str:
     try:
-        if path.stat().st_size > MAX_FILE_SIZE:
+        if regular(path).stat().st_size > MAX_FILE_SIZE:
             raise InputError(f"{path}: larger than {MAX_FILE_SIZE} bytes; is this a scene?", Code.INVALID_SCENE)
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:

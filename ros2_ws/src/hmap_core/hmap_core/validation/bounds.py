@@ -9,7 +9,7 @@ import numpy as np
 
 from hmap_core.validation.geometry import Boxes, box_gap
 from hmap_core.validation.pairs import Pair
-from hmap_core.validation.world import World
+from hmap_core.validation.world import Track, World
 
 STRIDE = 16  # samples between two anchors, at which the boxes of all pairs are compared
 BATCH = 4096  # boxes that are compared together, so that their data fit in a processor cache
@@ -20,13 +20,16 @@ class PartBoxes:
 
     def __init__(self, world: World):
         self._row = {part: i for i, part in enumerate(world.parts)}
+        self._check_time = world.check_time
         tracks = [world.tracks[part] for part in world.parts]
         counts = np.array([1 if track.still else world.samples for track in tracks], int)
         self._first = np.cumsum(counts) - counts
         self._step = np.minimum(counts - 1, 1)  # from the box of one sample to that of the next
-        self._boxes = Boxes.join(
-            [Boxes.around(t.part.solid, t.R[:n], t.p[:n]) for t, n in zip(tracks, counts.tolist(), strict=True)]
-        )
+        self._boxes = Boxes.join([self._around(t, n) for t, n in zip(tracks, counts.tolist(), strict=True)])
+
+    def _around(self, track: Track, count: int) -> Boxes:
+        self._check_time()
+        return Boxes.around(track.part.solid, track.R[:count], track.p[:count])
 
     def rows(self, pairs: list[Pair]) -> tuple[np.ndarray, np.ndarray]:
         """Row numbers (n,) and (n,) of the parts of n pairs, as :meth:`gaps` expects them."""
@@ -45,7 +48,10 @@ class PartBoxes:
         """
         a, b = (self._first[part] + self._step[part] * samples for part in (a, b))
         blocks = [slice(i, i + BATCH) for i in range(0, len(a), BATCH)]
-        gaps = [box_gap(self._boxes[a[block]], self._boxes[b[block]]) for block in blocks]
+        gaps = []
+        for block in blocks:
+            self._check_time()
+            gaps.append(box_gap(self._boxes[a[block]], self._boxes[b[block]]))
         return np.concatenate(gaps) if gaps else np.zeros(0)
 
 

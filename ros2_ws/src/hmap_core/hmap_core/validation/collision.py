@@ -69,6 +69,7 @@ class Scan:
     def _scan_moving(self, pairs: list[Pair], boxes: PartBoxes) -> None:
         """Measures moving pairs at the samples, nearest first, so that the smallest clearance is known early."""
         bounds = Bounds(self.world, boxes, pairs)
+        self.world.check_time()
         measured = [_PairDistances(self, pair, bound) for pair, bound in zip(pairs, bounds.travelled, strict=True)]
         nearest = bounds.at_anchors.min(axis=1)
         order = np.argsort(nearest, kind="stable").tolist()
@@ -141,6 +142,7 @@ class _PairDistances:
     def distance(self, k: int) -> float:
         """The measured distance in metres at sample k."""
         if k not in self._measured:
+            self._scan.world.check_time()
             gauge = self._pair.gauge
             distance = self._measured[k] = gauge.distance(self._a.at(k), self._b.at(k))
             self._normals[k] = np.array(gauge.result.normal)

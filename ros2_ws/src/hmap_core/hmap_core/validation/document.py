@@ -3,6 +3,7 @@
 ``docs/validation.md`` lists the keys that are read.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -172,7 +173,12 @@ def _not_negative(value: float) -> bool:
     return value >= 0.0
 
 
-def _shape(reader: Reader) -> ShapeData:
+def no_limit() -> None:
+    """Take all the time it needs."""
+
+
+def _shape(reader: Reader, check_time: Callable[[], object]) -> ShapeData:
+    check_time()
     kind = reader.get("shape").text(tuple(SIZES))
     size = reader.get("size")
     numbers = (size.value,) if isinstance(size.value, int | float) else size.value
@@ -189,15 +195,15 @@ def _shape(reader: Reader) -> ShapeData:
     return ShapeData(kind, tuple(values.tolist()), IDENTITY if pose is None else pose.poses(), mesh, vertices)
 
 
-def _body(reader: Reader) -> BodyData:
+def _body(reader: Reader, check_time: Callable[[], object]) -> BodyData:
     if reader.get("shape").text((*SIZES, "compound")) == "compound":
-        shapes = tuple(_shape(part) for part in reader.get("parts").elements())
+        shapes = tuple(_shape(part, check_time) for part in reader.get("parts").elements())
         if not shapes:
             reader.get("parts").fail("at least one part is needed")
     else:
         single = dict(reader.value)
         single.pop("pose", None)  # the pose of the body, not of the shape
-        shapes = (_shape(Reader(single, reader.where)),)
+        shapes = (_shape(Reader(single, reader.where), check_time),)
     friction, mass = reader.find("friction"), reader.find("mass")
     return BodyData(
         name=reader.get("name").text(),
@@ -367,11 +373,12 @@ def _segments(reader: Reader, robots: dict, bodies: dict, dt: float, N: int) -> 
     return tuple(segments)
 
 
-def read(plan: dict) -> Document:
+def read(plan: dict, check_time: Callable[[], object] = no_limit) -> Document:
     """Reads a plan.
 
     Args:
         plan: the content of a plan file.
+        check_time: called again and again; may raise to end it.
 
     Returns:
         The plan as arrays. A plan with one sample becomes one with two equal samples.
@@ -384,8 +391,9 @@ def read(plan: dict) -> Document:
     if top.get("version").number() != VERSION:
         top.get("version").fail(f"this judge reads version {VERSION}")
     mode = top.get("mode").text(MODES)
-    bodies = {body.name: body for body in map(_body, top.get("scene").get("bodies").elements())}
-    if len(bodies) != len(top.get("scene").get("bodies").elements()):
+    listed = top.get("scene").get("bodies").elements()
+    bodies = {body.name: body for body in (_body(reader, check_time) for reader in listed)}
+    if len(bodies) != len(listed):
         raise invalid_plan("plan.scene.bodies: two bodies have the same name")
     robots = {name: _robot(name, reader) for name, reader in top.get("robots").items()}
     trajectory = top.get("trajectory")

@@ -92,11 +92,26 @@ def _obj_points(path: Path) -> np.ndarray:
 
 
 def _other_points(path: Path) -> np.ndarray:
-    import trimesh  # slow to import, and not needed for OBJ files
+    if path.suffix.lower() == ".stl":
+        points = _binary_stl_points(path.read_bytes())
+        if len(points):
+            return points
+    import trimesh  # slow to import, and not needed for other files
 
     mesh: Any = trimesh.load(path, force="mesh")  # declared without the attributes of a mesh
     points = np.asarray(mesh.vertices, float)[np.unique(mesh.faces)]
     return points * _collada_unit(path) if path.suffix.lower() == ".dae" else points
+
+
+def _binary_stl_points(data: bytes) -> np.ndarray:
+    """Corners (3 n, 3) of the n triangles of a binary STL file; none of another one. Bytes may follow."""
+    count = int.from_bytes(data[80:84], "little")
+    if not count or len(data) < 84 + 50 * count:
+        return np.zeros((0, 3))
+    triangles = np.frombuffer(
+        data, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")]), count, 84
+    )
+    return triangles["corners"].reshape(-1, 3).astype(float)
 
 
 def _collada_unit(path: Path) -> float:

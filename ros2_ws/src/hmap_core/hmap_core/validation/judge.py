@@ -1,6 +1,7 @@
 """The judge: reads a plan, runs every check, and returns the verdict."""
 
 import math
+from collections.abc import Callable
 
 from hmap_core.validation import (
     collision,
@@ -34,11 +35,13 @@ NEAR = 0.5  # m; pairs that stay farther apart are compared only if none is near
 CLOSE = (0.01, 0.03, 0.1)  # m; the same in worlds of many parts, one after the other
 
 
-def check(plan: dict) -> Report:
+def check(plan: dict, check_time: Callable[[], object] = document.no_limit) -> Report:
     """Judges a plan.
 
     Args:
         plan: the content of a plan file (``docs/validation.md`` lists the keys that are read).
+        check_time: called again and again, at least every few hundredths of a second; may raise to end it. No check is
+            left out for lack of time.
 
     Returns:
         The verdict, with one violation for each violated rule and set of bodies.
@@ -46,7 +49,7 @@ def check(plan: dict) -> Report:
     Raises:
         InputError: INVALID_PLAN_FILE; the file cannot be judged.
     """
-    world = World(document.read(plan))
+    world = World(document.read(plan, check_time), check_time)
     findings = Findings()
     made = contacts.collect(world)
     joints.check(world, findings)

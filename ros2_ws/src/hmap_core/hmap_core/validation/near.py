@@ -23,7 +23,7 @@ class SweptBoxes:
     """
 
     def __init__(self, world: World, motion: Mapping[Part, np.ndarray]):
-        self._parts = world.parts
+        self._parts, self._check_time = world.parts, world.check_time
         starts = np.arange(0, max(world.samples - 1, 1), WINDOW)
         ends = np.append(starts[1:], world.samples - 1)
         shape = len(starts), len(self._parts), 3
@@ -56,6 +56,7 @@ class SweptBoxes:
         stands = np.logical_and.reduceat(frozen, first)
         found = []
         for w, (lower, upper) in enumerate(zip(self.lower, self.upper, strict=True)):
+            self._check_time()
             low, high = np.minimum.reduceat(lower, first), np.maximum.reduceat(upper, first)
             near = np.triu(_apart(low, high, low, high) <= reach, 1) & ~(stands[:, None] & stands)
             if w > 0:
@@ -95,6 +96,7 @@ def nearest_first(
     Yields:
         A lower bound on the distance in metres, and the numbers of the two parts.
     """
+    world.check_time()
     if not len(parts) or not len(others):
         return
     bounds = _apart(*world.boxes.at(parts, k), *world.boxes.at(others, k)).ravel()

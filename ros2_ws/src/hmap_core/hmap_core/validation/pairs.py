@@ -113,6 +113,7 @@ class PairBuilder:
             return None if a.link is None else self._self_pair(a, b)
         if self._immobile[a] and self._immobile[b] and (a.link is None or b.link is None):
             return None
+        self._world.check_time()
         pair = Pair(a, b, self._relative_motion(a, b), clearance=False, world=self._world)
         pair.clearance = pair.moves and frozenset(pair.names) not in self._touching
         return pair

@@ -144,6 +144,7 @@ class SupportFinder:
 
     def at(self, name: str, k: int, released: bool = False) -> Support:
         """The support of a body at sample k; one that was ``released`` there must not roll away either."""
+        self._world.check_time()
         near = self._nearest_pairs(name, k, limits.SUPPORT_GAP)
         key = (name, *(self._key(part, other, k) for part, other in near))
         if key not in self._supports:

@@ -138,6 +138,14 @@ def _joint(element: Element) -> Joint:
             raise ValueError(f"the axis {axis} has no direction")
         axis = axis / length
     bounds = limit if kind in ("revolute", "prismatic") else None
+    soft = element.find("safety_controller") if bounds is not None else None
+    lower, upper = -np.inf, np.inf
+    if bounds is not None:
+        lower, upper = (_number(bounds, key, 0.0, infinite=True) for key in ("lower", "upper"))
+    if soft is not None:
+        narrow = _number(soft, "soft_lower_limit", -np.inf, True), _number(soft, "soft_upper_limit", np.inf, True)
+        if narrow != (0.0, 0.0):
+            lower, upper = max(lower, narrow[0]), min(upper, narrow[1])
     R, p = _origin(element)
     return Joint(
         name=_attribute(element, "name"),
@@ -147,8 +155,8 @@ def _joint(element: Element) -> Joint:
         origin_R=R,
         origin_p=p,
         axis=axis,
-        lower=_number(bounds, "lower", 0.0, infinite=True) if bounds is not None else -np.inf,
-        upper=_number(bounds, "upper", 0.0, infinite=True) if bounds is not None else np.inf,
+        lower=lower,
+        upper=upper,
         velocity=_number(limit, "velocity", np.inf, infinite=True) if limit is not None else np.inf,
         mimic=None
         if mimic is None

@@ -9,7 +9,7 @@ import coal
 import numpy as np
 
 from hmap_core.validation import arm, rigid
-from hmap_core.validation.document import BodyData, Document
+from hmap_core.validation.document import BodyData, Document, ShapeData, no_limit
 from hmap_core.validation.geometry import Gauge, Solid, solid_of, transform
 from hmap_core.validation.motion import BodyMotion, LinkMotion, Motion, RelativeMotion, relative
 
@@ -119,13 +119,14 @@ class AxisBoxes:
 
     Args:
         tracks: poses of P parts.
+        check_time: called for each; may raise to end it.
 
     Attributes:
         spans: lower and upper corners (M, 3) of the boxes of each part; (1, 3) of one that does not move.
     """
 
-    def __init__(self, tracks: Sequence[Track]):
-        self.spans = [self._span(track) for track in tracks]
+    def __init__(self, tracks: Sequence[Track], check_time: Callable[[], object] = no_limit):
+        self.spans = [self._span(track, check_time) for track in tracks]
         counts = np.array([len(low) for low, _ in self.spans], int)
         self._first, self._step = np.cumsum(counts) - counts, np.minimum(counts - 1, 1)
         self._low, self._high = (
@@ -133,7 +134,8 @@ class AxisBoxes:
         )
 
     @staticmethod
-    def _span(track: Track) -> tuple[np.ndarray, np.ndarray]:
+    def _span(track: Track, check_time: Callable[[], object]) -> tuple[np.ndarray, np.ndarray]:
+        check_time()
         count = 1 if track.still else len(track.p)
         R, p = track.R[:count], track.p[:count]
         center = p + rigid.apply(R, track.part.solid.center)
@@ -149,8 +151,13 @@ class AxisBoxes:
 class World:
     """The robots and bodies of a plan in motion.
 
+    Args:
+        document: the plan.
+        check_time: called again and again; may raise to end it.
+
     Attributes:
         document: the plan.
+        check_time: as above.
         samples: number N of samples.
         arms: the robots by name.
         values: robot -> joint -> values (N,).
@@ -160,8 +167,9 @@ class World:
         tracks: their poses at the samples.
     """
 
-    def __init__(self, document: Document):
+    def __init__(self, document: Document, check_time: Callable[[], object] = no_limit):
         self.document = document
+        self.check_time = check_time
         self.samples = len(document.time)
         self.arms = {name: arm.build(robot) for name, robot in document.robots.items()}
         self.values = {n: a.values(document.joints[n], document.gripper[n]) for n, a in self.arms.items()}
@@ -176,7 +184,7 @@ class World:
         }
         self._bodies = {name: BodyMotion.of(poses) for name, poses in self.poses.items()}
         self.parts = [*self._robot_parts(), *self._body_parts()]
-        self.tracks = {part: Track(part, self.state) for part in self.parts}
+        self.tracks = {part: self._track(part) for part in self.parts}
         self._relative: dict[tuple, RelativeMotion] = {}
         self._reaches: dict[tuple[str, str | None], float] = {}
         self._gauges: dict[tuple[Part, Part], Gauge] = {}
@@ -185,6 +193,10 @@ class World:
         """Poses (N, 7); a body without a trajectory keeps its start pose."""
         given = self.document.objects.get(body.name)
         return np.broadcast_to(body.pose, (self.samples, 7)) if given is None else given
+
+    def _track(self, part: Part) -> Track:
+        self.check_time()
+        return Track(part, self.state)
 
     def _robot_parts(self) -> list[Part]:
         return [
@@ -195,10 +207,14 @@ class World:
 
     def _body_parts(self) -> list[Part]:
         return [
-            Part(name, name, None, solid_of(shape), rigid.matrices(shape.pose[3:]), shape.pose[:3])
+            Part(name, name, None, self._solid(shape), rigid.matrices(shape.pose[3:]), shape.pose[:3])
             for name, body in self.document.bodies.items()
             for shape in body.shapes
         ]
+
+    def _solid(self, shape: ShapeData) -> Solid:
+        self.check_time()
+        return solid_of(shape)
 
     def parts_of(self, holder: str, links: tuple[str, ...] | None = None) -> list[Part]:
         """The parts of a body, or of some links of a robot.
@@ -234,6 +250,7 @@ class World:
 
     def gauge(self, a: Part, b: Part) -> Gauge:
         """Measures the distance of two parts."""
+        self.check_time()
         if (a, b) not in self._gauges:
             self._gauges[a, b] = Gauge(a.solid, b.solid)
         return self._gauges[a, b]
@@ -241,7 +258,7 @@ class World:
     @cached_property
     def boxes(self) -> AxisBoxes:
         """Boxes round all parts at the samples, in the order of ``parts``."""
-        return AxisBoxes(list(self.tracks.values()))
+        return AxisBoxes(list(self.tracks.values()), self.check_time)
 
     @cached_property
     def number(self) -> dict[Part, int]:

@@ -7,13 +7,14 @@ from functools import cached_property
 
 import numpy as np
 
+from hmap_core import clock
 from hmap_core.collision.bvh import Tree, build_tree
 from hmap_core.collision.convex import ConvexSet
 from hmap_core.exceptions import Code, InputError
 from hmap_core.komo.shapes import body_set
 from hmap_core.transforms import apply, inverse, multiply, pose, rotation_matrix
 from hmap_core.types import Body
-from hmap_core.waypoints import clock, kernels, tree_kernels
+from hmap_core.waypoints import kernels, tree_kernels
 from hmap_core.waypoints.problem import ObjectPathProblem
 from hmap_core.waypoints.support import Support, feet
 

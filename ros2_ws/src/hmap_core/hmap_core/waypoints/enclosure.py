@@ -12,9 +12,10 @@ import numpy as np
 import scipy
 from scipy.spatial import ConvexHull, QhullError
 
+from hmap_core import clock
 from hmap_core.collision.convex import ConvexSet
 from hmap_core.transforms import IDENTITY, apply
-from hmap_core.waypoints import clock, kernels
+from hmap_core.waypoints import kernels
 from hmap_core.waypoints.checker import PENETRATION_ALLOWED, ObstacleShapes
 from hmap_core.waypoints.enclosure_kernels import ARRIVED, ENCLOSED, flood
 

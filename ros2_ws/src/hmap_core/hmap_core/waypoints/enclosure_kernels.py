@@ -5,7 +5,7 @@ import heapq
 import numpy as np
 from numba import njit
 
-from hmap_core.waypoints.clock import now
+from hmap_core.clock import now
 from hmap_core.waypoints.kernels import distances
 
 ENCLOSED, ARRIVED, UNKNOWN = 0, 1, 2

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from hmap_core import clock
 from hmap_core.transforms import multiply, pose
-from hmap_core.waypoints import clock
 from hmap_core.waypoints.blocking import Removal, fewest_removals
 from hmap_core.waypoints.checker import ObstacleShapes, check_ends, planar_projection
 from hmap_core.waypoints.problem import NoObjectPath, ObjectPath, ObjectPathProblem

@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 
-from hmap_core.waypoints import clock
+from hmap_core import clock
 
 
 class SearchBudget:

@@ -14,8 +14,8 @@ ends at the ``deadline`` (s, of ``clock.now``), and then reports what is on the 
 import numpy as np
 from numba import njit
 
+from hmap_core.clock import now
 from hmap_core.collision.epa import FAR
-from hmap_core.waypoints.clock import now
 from hmap_core.waypoints.kernels import (
     RESOLUTION,
     STACK,

@@ -8,8 +8,8 @@ it; and the metric of the nearest-neighbour search is cheap, because each step c
 import numpy as np
 from numba import njit
 
+from hmap_core.clock import now
 from hmap_core.waypoints import tree_kernels
-from hmap_core.waypoints.clock import now
 from hmap_core.waypoints.kernels import free_until, length, part_way
 from hmap_core.waypoints.support import stable_along
 

@@ -10,8 +10,11 @@ from hmap_core.kinematics.chain import Chain
 from hmap_core.komo.allowances import OVERLAP_ALLOWED, relaxed, verification
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.options import SolverOptions
+from hmap_core.komo.pair_blocks import MANY_PAIRS, PairChecks
 from hmap_core.komo.path_collisions import path_violations
+from hmap_core.komo.result import KomoResult
 from hmap_core.komo.segment import transit_skeleton
+from hmap_core.komo.transcription import KomoProblem
 from hmap_core.planner.interfaces import SubTrajectory
 from hmap_core.planner.segments.parts import at_rest
 from hmap_core.planner.segments.timing import timed_transit
@@ -23,6 +26,8 @@ from hmap_core.types import Scene, SceneState
 
 JOINT_STEP = 0.2  # rad between two steps of a transit, about
 TRANSIT_STEPS = (8, 24)  # least and most
+BESIDE = 0.05  # m from a first guess within which pairs count from the beginning, where there are many
+ROUNDS = 3  # of solving with the pairs that count
 SMOOTHNESS = 1.0 / 160.0  # weight of the squared accelerations, times the number of steps cubed
 STIFFNESS = 30.0  # first penalty of the constraints, as a multiple of that weight: first guesses are nearly feasible
 
@@ -89,7 +94,7 @@ def transit(
     problem = manipulation.problem(transit_skeleton(robot, q), (steps,), path_options(steps))
     alone = problem.arrays()
     cols = _relaxed_at_ends(chain, alone, start, q)
-    result = problem.keeping(cols).solve(start, straight(start, q, steps))
+    result = _solved(problem, cols, start, straight(start, q, steps))
     path = np.concatenate([start[None], result.path]) if result.feasible else None
     if path is not None and not is_free(chain, verification(cols), path):
         path = None
@@ -102,6 +107,26 @@ def transit(
         if path is None:
             raise MotionError(f"robot '{robot}' finds no way to move on: {result.worst}")
     return at_rest(scene, robot, timed_transit(scene, robot, path), state.gripper[robot])
+
+
+def _solved(problem: KomoProblem, cols: Collisions, start: np.ndarray, guess: np.ndarray) -> KomoResult:
+    """The problem solved from a first guess (T, n).
+
+    Of many pairs only those count that come near the guess, and then the paths that were found; the others are looked
+    at when the path is verified.
+    """
+    if len(cols.a) <= MANY_PAIRS:
+        return problem.keeping(cols).solve(start, guess)
+    checks = PairChecks(problem.chain, cols)
+    near = checks.near(guess, BESIDE)
+    for _ in range(ROUNDS):
+        own = cols._replace(phases=np.where(near, cols.phases, 0))
+        result = problem.keeping(own).solve(start, guess)
+        fresh = checks.near(result.path, 0.0) & ~near
+        if not (result.feasible and fresh.any()):
+            break
+        near |= fresh
+    return result
 
 
 def _by_ways_out(

@@ -7,7 +7,7 @@ import numpy as np
 
 from hmap_core.collision.scene_model import CollisionModel, Collisions
 from hmap_core.kinematics.chain import Chain
-from hmap_core.komo.sweep import between_violations
+from hmap_core.komo.pair_blocks import PairChecks
 from hmap_core.komo.violations import VERIFY_STEP
 from hmap_core.planner.segments.violation import Part, Violation
 from hmap_core.trajectory.spline import CubicSpline
@@ -59,7 +59,7 @@ def worst_between_steps(
     ends = np.interp(np.arange(first[-1] + 1), first, knots)
     phases = np.where(ends[:-1] < masks.turn, masks.phases, masks.then).astype(np.int64)
     path = np.ascontiguousarray(curve(ends))
-    violation, pair, _ = between_violations(path, phases, chain, cols, resolution)
+    violation, pair, _ = PairChecks(chain, cols).between(path, phases, resolution)
     worst = int(violation.argmax())
     return float(violation[worst]), int(pair[worst])
 
