@@ -15,13 +15,16 @@ from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_msgs.msg import Header
 
 from hmap.node import LATCHED
-from hmap.nodes.perception import CAMERA_TOPICS, Perception
-from hmap.perception.pictures import PictureParts
+from hmap.nodes.perception import CAMERA_TOPICS, SEGMENTATION_PERIOD, Perception
+from hmap.perception.pictures import WITHOUT_MASK, PictureParts
 from hmap_core.exceptions import InputError
 from hmap_core.scenes import load_scene
+from hmap_core.simulation.camera import intrinsics
+from hmap_core.simulation.world import SimulatedWorld
 from hmap_msgs.msg import InstanceNames
 from hmap_msgs_py.checks import ConversionError
 from hmap_msgs_py.images import image_to_message
+from hmap_msgs_py.poses import pose_to_message
 from hmap_msgs_py.times import time_to_message
 
 FIRST_DOMAIN, DOMAINS = 120, 100  # ROS_DOMAIN_ID; each process of tests takes its own
@@ -170,3 +173,53 @@ def test_problems_of_now_are_on_the_diagnostics(perception):
     perception._publish_diagnostics()
     (status,) = sent[0].status
     assert any(value.key == "problems" and "velocity" in value.value for value in status.values)
+
+
+@pytest.fixture
+def unmasked(perception):
+    """Gives a camera's depth and camera info to the node; returns the clouds that it publishes."""
+    scene = perception._watched.fusion.scene
+    camera = next(iter(scene.cameras.values()))
+    image = SimulatedWorld(scene).render(camera)
+    depth = np.nan_to_num(1e3 * image.depth).astype(np.uint16)
+    published = []
+    perception._clouds = type("Publisher", (), {"publish": staticmethod(published.append)})
+    parts = PictureParts(camera, perception._sensor_clock)
+    without_mask = PictureParts(camera, perception._sensor_clock, WITHOUT_MASK)
+
+    def give(stamp: float):
+        perception._take_joints(joint_state(joints_of(perception), stamp))
+        for name, body in scene.bodies.items():
+            if name in perception._watched.fusion.tracked:
+                message = pose_of(stamp)
+                message.pose = pose_to_message(body.pose)
+                perception._take_pose(perception._watched.fusion, name, message)
+        info = CameraInfo(header=Header(stamp=time_to_message(stamp)), k=intrinsics(camera).ravel().tolist())
+        picture = image_to_message(depth, "16UC1", "camera", time_to_message(stamp))
+        for part, message in (("depth", picture), ("info", info)):
+            perception._take_part(perception._watched, parts, without_mask, part, message)
+        return published
+
+    return give
+
+
+def test_a_camera_without_masks_is_segmented_by_geometry(perception, unmasked):
+    now = time.time() - 1.0
+    (message,) = unmasked(now)
+    assert [cloud.object for cloud in message.clouds] == ["bar"] and message.clouds[0].cloud.width > 100
+    assert len(unmasked(now + 0.1)) == 1  # not every picture of 30 a second
+    assert len(unmasked(now + SEGMENTATION_PERIOD)) == 2
+
+
+def test_masks_are_waited_for_where_a_node_publishes_them(perception, unmasked):
+    camera = next(iter(perception._watched.fusion.scene.cameras))
+    driver = perception.create_publisher(Image, f"camera/{camera}/{CAMERA_TOPICS['mask'][0]}", LIVE)
+    assert not unmasked(time.time())
+    perception.destroy_publisher(driver)
+
+
+def test_an_unknown_segmentation_is_refused(ros):
+    rclpy.shutdown()
+    rclpy.init(args=["--ros-args", "-p", "segmentation:=colour"], domain_id=FIRST_DOMAIN + os.getpid() % DOMAINS)
+    with pytest.raises(InputError, match="'segmentation' is 'colour'; allowed: auto, mask, geometry"):
+        Perception()

@@ -3,9 +3,9 @@
 import math
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -23,7 +23,7 @@ from hmap.node import LATCHED, HmapNode, run
 from hmap.perception.detected_objects import DetectedObjects
 from hmap.perception.frames import Frames
 from hmap.perception.fusion import Fusion
-from hmap.perception.pictures import Picture, PictureParts
+from hmap.perception.pictures import WITHOUT_MASK, Picture, PictureParts
 from hmap.perception.pose_filter import POSE_NOISE
 from hmap.perception.standard_topics import StandardTopics
 from hmap.supervision.watchdog import MotionWatchdog
@@ -41,9 +41,18 @@ from hmap_msgs_py.measurements import ReceiverClock
 from hmap_msgs_py.poses import pose_from_message
 from hmap_msgs_py.times import seconds_from_message, time_to_message
 
+if TYPE_CHECKING:
+    from hmap.perception.segmentation import Segmentation
+
 FRAME = "world"
 TF = QoSProfile(depth=100)
 TF_STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+AUTO, MASK, GEOMETRY = SEGMENTATIONS = ("auto", "mask", "geometry")
+SEGMENTATION = (
+    f"of depth pictures: {MASK}: by the camera's instance masks; {GEOMETRY}: by the known shapes at their measured "
+    f"poses; {AUTO}: by masks where a node publishes them, else by shapes"
+)
+SEGMENTATION_PERIOD = 0.5  # s between two pictures of a camera that are segmented by geometry, at least
 CAMERA_TOPICS = {
     "depth": ("aligned_depth_to_color/image_raw", Image),
     "info": ("aligned_depth_to_color/camera_info", CameraInfo),
@@ -58,6 +67,13 @@ class Watched:
 
     fusion: Fusion
     detected: DetectedObjects
+
+    @cached_property
+    def segmentation(self) -> "Segmentation":
+        """Labels pictures that come without masks."""
+        from hmap.perception.segmentation import Segmentation  # reads meshes, which masks make needless
+
+        return Segmentation(self.fusion.scene)
 
 
 class Perception(HmapNode):
@@ -77,6 +93,10 @@ class Perception(HmapNode):
         self._frames = set(self.parameter("pose_frames", ["world", "vicon"], frames))
         text = "m, standard deviation of measured positions; poses of bodies that stand are averaged; 0: they are not"
         self._noise = self.parameter("pose_noise", POSE_NOISE, text, 0.0, 0.1)
+        self._segmentation = self.parameter("segmentation", AUTO, SEGMENTATION)
+        if self._segmentation not in SEGMENTATIONS:
+            allowed = ", ".join(SEGMENTATIONS)
+            raise InputError(f"the parameter 'segmentation' is '{self._segmentation}'; allowed: {allowed}")
         simulated = self.get_parameter("use_sim_time").value  # then `world` stops the arms itself
         self._watchdog = None if simulated else MotionWatchdog(self.get_namespace(), self.get_logger().warning)
         self._sensor_clock = ReceiverClock(self.now, self._stale_after)
@@ -90,6 +110,7 @@ class Perception(HmapNode):
         self._announced: set[str] = set()  # bodies that `scene` has announced since it was loaded
         self._reported = False  # whether the last message of `new_object` has bodies
         self._scene_subscriptions: list[Subscription] = []
+        self._segmented: dict[str, float] = {}  # camera -> time of its newest picture segmented by geometry, s
         self._seen: dict[str, dict[str, Cloud]] = {}  # object -> camera -> its cloud
         self._clouds_time = -math.inf  # s; of the newest picture in it
         self._tf = Frames()
@@ -141,9 +162,10 @@ class Perception(HmapNode):
         self._scene_subscriptions = [self._subscribe_to_body(fusion, name) for name in fusion.tracked]
         for camera in scene.cameras.values():
             parts = PictureParts(camera, self._sensor_clock)
+            unmasked = PictureParts(camera, self._sensor_clock, WITHOUT_MASK)
             for part, (topic, kind) in CAMERA_TOPICS.items():
                 name = f"{self._naming.camera(camera.name)}/{topic}"
-                self._subscribe_to_camera(kind, name, partial(self._take_picture, watched, parts, part))
+                self._subscribe_to_camera(kind, name, partial(self._take_part, watched, parts, unmasked, part))
         self._report_new(watched)
         if self._standard is not None:
             self._standard.load(scene, self.get_clock().now().to_msg())
@@ -207,6 +229,32 @@ class Perception(HmapNode):
                 pose = multiply(T_world_frame, pose)
         fusion.add_pose(seconds_from_message(message.header.stamp), name, pose)
 
+    def _take_part(
+        self, watched: Watched, parts: PictureParts, unmasked: PictureParts, part: str, message: Any
+    ) -> None:
+        if not self._by_geometry(parts.camera.name):
+            self._take_picture(watched, parts, part, message)
+        elif part in WITHOUT_MASK:
+            last = self._segmented.get(parts.camera.name, -math.inf)
+            if not 0.0 <= seconds_from_message(message.header.stamp) - last < SEGMENTATION_PERIOD:
+                self._take_picture(watched, unmasked, part, message)
+
+    def _by_geometry(self, camera: str) -> bool:
+        if self._segmentation != AUTO:
+            return self._segmentation == GEOMETRY
+        return self.count_publishers(f"{self._naming.camera(camera)}/{CAMERA_TOPICS['mask'][0]}") == 0
+
+    def _segmented_by_geometry(self, watched: Watched, picture: Picture) -> Picture | None:
+        """The picture with a mask; None where the state at its time is not known."""
+        self._segmented[picture.camera.name] = picture.time
+        try:
+            state = watched.fusion.state()[1]
+        except InputError:  # which _publish_state reports
+            return None
+        poses = {name: watched.fusion.pose_at(name, picture.time) for name in watched.fusion.tracked}
+        measured = {name: pose for name, pose in poses.items() if pose is not None}
+        return watched.segmentation.label(picture, replace(state, poses=state.poses | measured))
+
     def _take_picture(self, watched: Watched, parts: PictureParts, part: str, message: Any) -> None:
         source = f"camera '{parts.camera.name}'"  # whichever of its topics completes the picture
         try:
@@ -214,6 +262,8 @@ class Perception(HmapNode):
         except (InputError, ConversionError) as error:
             self.problems.update(source, [str(error)])
             return
+        if picture is not None and parts.needed == WITHOUT_MASK:
+            picture = self._segmented_by_geometry(watched, picture)
         if picture is None:
             return
         self.problems.update(source, picture.problems)

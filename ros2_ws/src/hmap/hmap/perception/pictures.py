@@ -1,4 +1,4 @@
-"""Depth pictures with instance masks: messages are collected until those with the same stamp are complete."""
+"""Depth pictures, with instance masks or without: messages with the same stamp are collected until all are there."""
 
 import threading
 from collections import Counter
@@ -15,6 +15,7 @@ from hmap_msgs_py.measurements import Latest, ReceiverClock
 from hmap_msgs_py.times import seconds_from_message
 
 PARTS = ("depth", "info", "mask", "names")
+WITHOUT_MASK = ("depth", "info")
 # incomplete pictures per camera: masks are slow, and depth images arrive in the meantime; 1 s at 30 Hz
 KEPT = 30
 
@@ -51,10 +52,12 @@ class PictureParts:
     Attributes:
         camera: the camera.
         clock: judges the stamps; None: they are only compared with each other.
+        needed: the parts of a complete picture: PARTS or WITHOUT_MASK.
     """
 
     camera: Camera
     clock: ReceiverClock | None = None
+    needed: tuple[str, ...] = PARTS
     _incomplete: dict[tuple[int, int], dict[str, object]] = field(default_factory=dict)  # stamp -> parts
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
@@ -65,7 +68,7 @@ class PictureParts:
         """Add a message.
 
         Args:
-            part: one of PARTS.
+            part: one of those that are needed.
             message: the message.
 
         Returns:
@@ -79,7 +82,7 @@ class PictureParts:
         with self._lock:
             parts = self._incomplete.setdefault(stamp, {})
             parts[part] = message
-            if len(parts) < len(PARTS):
+            if len(parts) < len(self.needed):
                 self._forget()
                 return None
             del self._incomplete[stamp]
@@ -91,12 +94,13 @@ class PictureParts:
         while len(self._incomplete) > KEPT:
             del self._incomplete[next(iter(self._incomplete))]  # the oldest one
 
-    def _picture(self, depth, info, mask, names) -> Picture:
+    def _picture(self, depth, info, mask=None, names=None) -> Picture:
         of = f"of camera {self.camera.name!r}"
         K = finite(f"the matrix in the camera info {of}", info.k, (9,)).reshape(3, 3)
         if not (K[0, 0] > 0.0 and K[1, 1] > 0.0):
             raise InputError(f"the camera info {of} has no focal lengths")
-        pixels, numbers = depth_from_message(depth), image_from_message(mask)
+        pixels = depth_from_message(depth)
+        numbers = np.zeros(pixels.shape, np.int32) if mask is None else image_from_message(mask)
         sizes = {"mask": numbers.shape, "camera info": (info.height, info.width)}
         for what, size in sizes.items():
             if size != pixels.shape and size != (0, 0):  # a camera info may leave it open
@@ -104,10 +108,12 @@ class PictureParts:
                     f"the depth picture {of} has {_size(pixels.shape)} pixels and the {what} {_size(size)}; "
                     "they must be the same"
                 )
+        time = seconds_from_message(depth.header.stamp)
+        if names is None:
+            return Picture(self.camera, time, pixels, numbers, {}, K)
         same_length(f"the names {of}", names.names, len(names.numbers), "numbers")
         known, problems = instance_names(names.names, [int(number) for number in names.numbers])
         named = tuple(f"the names {of}: {text}" for text in problems)
-        time = seconds_from_message(depth.header.stamp)
         return Picture(self.camera, time, pixels, numbers, known, K, named)
 
 

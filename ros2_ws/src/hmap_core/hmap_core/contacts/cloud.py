@@ -44,7 +44,8 @@ def cloud_from_depth(
             f"depth {depth.shape}, mask {mask.shape} and intrinsics {np.shape(intrinsics)} do not fit; "
             "needed: (H, W), (H, W) and (3, 3)"
         )
-    points = _back_projected(depth, mask, np.asarray(intrinsics, float))
+    rows, columns = np.nonzero(mask & np.isfinite(depth) & (depth > 0.0))
+    points = back_projected(depth, rows, columns, np.asarray(intrinsics, float))
     if len(points) < MIN_POINTS:
         return _empty()
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
@@ -66,11 +67,11 @@ def merge_clouds(clouds: list[Cloud]) -> Cloud:
     return Cloud(*(np.concatenate([getattr(c, f) for c in clouds]) for f in ("points", "normals", "seen")))
 
 
-def _back_projected(depth: np.ndarray, mask: np.ndarray, K: np.ndarray) -> np.ndarray:
-    """Points (N, 3) in the optical frame of the masked pixels with a measurement."""
-    v, u = np.nonzero(mask & np.isfinite(depth) & (depth > 0.0))
-    z = depth[v, u]
-    return np.c_[(u - K[0, 2]) * z / K[0, 0], (v - K[1, 2]) * z / K[1, 1], z]
+def back_projected(depth: np.ndarray, rows: np.ndarray, columns: np.ndarray, intrinsics: np.ndarray) -> np.ndarray:
+    """Points (N, 3) in the optical frame of the pixels in rows (N,) and columns (N,) of a depth picture (H, W)."""
+    z = depth[rows, columns]
+    K = intrinsics
+    return np.c_[(columns - K[0, 2]) * z / K[0, 0], (rows - K[1, 2]) * z / K[1, 1], z]
 
 
 def _empty() -> Cloud:
