@@ -280,3 +280,17 @@ def test_a_cancel_ends_the_waiting_for_a_state_and_for_a_scene(scene):
         with pytest.raises(PlannerError) as caught:
             wait()
         assert caught.value.code is Code.CANCELED
+
+
+def test_what_the_cameras_have_seen_counts_also_where_it_comes_before_the_scene(scene):
+    node = FakeNode(2.0)
+    scene_monitor = SceneMonitor(node, stale_after=PATIENCE)
+    cloud = Cloud(np.zeros((2, 3)), np.tile([0.0, 0.0, 1.0], (2, 1)), np.ones(2, bool))
+    seen = ObjectClouds(clouds=[cloud_to_message(OBJECT, scene.bodies[OBJECT].pose, cloud)])
+    node.callbacks["object_clouds"](seen)
+    node.callbacks["new_object"](new_object(sphere("ball", 0.03, np.array([0.1, 0.2, 0.3]))))
+    node.callbacks["scene"](scene_to_message(scene))
+    assert scene_monitor.clouds().keys() == {OBJECT} and set(scene_monitor.scene().bodies) == {*scene.bodies, "ball"}
+    other = load_scene("published/bookshelf_mini", 0)
+    node.callbacks["scene"](scene_to_message(other))
+    assert scene_monitor.clouds() == {} and set(scene_monitor.scene().bodies) == set(other.bodies)

@@ -18,7 +18,7 @@ from hmap_core.cli.main import count, seed_argument
 from hmap_core.command_line import keep_for_results
 from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import ExecutionError
-from hmap_core.types import Scene
+from hmap_core.types import Plan, SceneState
 
 HELP = "measure the processor time of planning through the services of the nodes, against planning in one process"
 TASK, REPEATS = "tunnel", 5
@@ -38,14 +38,20 @@ class GraphPlan:
     """A plan that the graph has made.
 
     Attributes:
-        scene: as it was measured, with the goal.
+        plan: the plan, which begins where everything was measured.
         clouds: what the cameras had seen of each object.
         cpu_s: process -> s of processor time that it has spent.
     """
 
-    scene: Scene
+    plan: Plan
     clouds: Mapping[str, Cloud]
     cpu_s: Mapping[str, float]
+
+    @property
+    def state(self) -> SceneState:
+        """Where everything was measured."""
+        begin, moves = self.plan.scene.start_state(), self.plan.trajectory
+        return SceneState(begin.q, {name: float(gap[0]) for name, gap in moves.gripper.items()}, begin.poses)
 
     @property
     def total_s(self) -> float:
@@ -76,12 +82,12 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     print(f"{arguments.task}, seed {arguments.seed}, s of processor time of one plan with the judge's look, medians;")
     print("times: by what one process without nodes takes from the same measurements")
-    print(f"{'':<32}{'s':>8}{'alone':>8}{'times':>8}{'first s':>9}{'first/later':>13}")
+    print(f"{'':<32}{'s':>8}{'alone':>8}{'times':>8}{'first s':>9}{'first/later':>13}{'same plan':>11}")
     for kind, (text, processes) in KINDS.items():
         entry = result[kind]
         print(
             f"{text:<32}{entry['cpu_s']:8.3f}{entry['in_process_cpu_s']:8.3f}{entry['by_process']:8.2f}"
-            f"{entry['first_cpu_s']:9.3f}{entry['first_by_later']:13.2f}"
+            f"{entry['first_cpu_s']:9.3f}{entry['first_by_later']:13.2f}{entry['same_plans']:6d} of {entry['plans']}"
         )
         for name in processes if len(processes) > 1 else ():
             print(f"  {name:<30}{entry['processes_cpu_s'][name]:8.3f}")
@@ -101,23 +107,30 @@ def measured(task: str, seed: int, repeats: int, processes: Sequence[str]) -> di
     alone = [in_process(plan, seed) for plan in later]
     usual = median(plan.total_s for plan in later)
     return {
+        "plans": len(later),
         "cpu_s": usual,
-        "in_process_cpu_s": median(alone),
-        "by_process": median(plan.total_s / other for plan, other in zip(later, alone, strict=True)),
+        "in_process_cpu_s": median(cpu for cpu, _ in alone),
+        "by_process": median(plan.total_s / cpu for plan, (cpu, _) in zip(later, alone, strict=True)),
+        "same_plans": sum(same for _, same in alone),
         "first_cpu_s": first.total_s,
         "first_by_later": first.total_s / usual,
         "processes_cpu_s": {name: median(plan.cpu_s[name] for plan in later) for name in processes},
     }
 
 
-def in_process(made: GraphPlan, seed: int) -> float:
-    """Seconds of processor time of planning in this process what the graph has planned."""
+def in_process(made: GraphPlan, seed: int) -> tuple[float, bool]:
+    """Plan in this process what the graph has planned.
+
+    Returns:
+        Seconds of processor time, and whether the plan is as long as that of the graph, as it should be.
+    """
     from hmap_core import planner
 
     gc.collect()
     began = time.process_time()
-    planner.plan(made.scene, seed=seed, clouds=made.clouds)
-    return time.process_time() - began
+    plan = planner.plan(made.plan.scene, made.state, seed=seed, clouds=made.clouds)
+    spent = time.process_time() - began
+    return spent, len(plan.trajectory.time) == len(made.plan.trajectory.time)
 
 
 def through_graph(task: str, seed: int, repeats: int, processes: Sequence[str]) -> list[GraphPlan]:
@@ -161,7 +174,7 @@ def through_graph(task: str, seed: int, repeats: int, processes: Sequence[str]) 
             spent = {name: processor_time(pid) - before[name] for name, pid in pids.items()}
             seen = {each.object: cloud_from_message(each) for each in pictures[-1].clouds} if pictures else {}
             clouds = {name: cloud for name, cloud in seen.items() if cloud is not None}
-            plans.append(GraphPlan(plan.scene, clouds, spent))
+            plans.append(GraphPlan(plan, clouds, spent))
     return plans
 
 

@@ -230,9 +230,10 @@ class SceneMonitor:
         base = scene_from_message(message)
         with self._news:
             same = self._base is not None and (self._base.task, self._base.seed) == (base.task, base.seed)
-            if not same:
+            # what came before the first scene is of it, too: latched topics come in any order, and once
+            if self._base is not None and not same:
                 self._seen = {}
-            if self._base is None or self._base.bodies.keys() != base.bodies.keys():
+            if self._base is not None and self._base.bodies.keys() != base.bodies.keys():
                 self._cloud_messages.clear()
                 self._clouds, self._decoded_message = {}, None
             # the same scene again: it was reset to its start, so earlier states are invalid
