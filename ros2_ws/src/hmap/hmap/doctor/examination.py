@@ -27,6 +27,7 @@ from hmap.doctor.findings import (
     topic_findings,
 )
 from hmap.doctor.graph_view import GraphView, kind_name
+from hmap.heartbeats import probe_limit
 from hmap.naming import FORMATS
 from hmap.perception.frames import Frames
 from hmap.session import PLANNING_NODES, SERVICES
@@ -89,6 +90,8 @@ class Examination:
         self._wait(lambda: scene_topic.messages > 0, self._seconds)
         scene = self._read_scene(scene_topic)
         names = {key: str(told.get(f"names.{key}", default)) for key, (default, _) in FORMATS.items()}
+        if scene is not None:
+            self._wait(lambda: self._drivers_known(scene, names), probe_limit())
         poses, cameras = self._watch_scene(scene, names)
         time.sleep(self._seconds)
         now = self._now()
@@ -183,14 +186,19 @@ class Examination:
         self.findings += found
         return None
 
+    def _drivers_known(self, scene: Scene, names: Mapping[str, str]) -> bool:
+        """Whether somebody offers what measures and moves the scene; discovery takes long on a busy machine."""
+        bodies = [names["body_pose"].format(body=body) for body in _movable(scene)]
+        topics = all(self._view.node.count_publishers(topic) for topic in ("joint_states", *bodies))
+        return topics and all(self._view.action(name)[1] for name, _, _ in _wanted_actions(scene, names))
+
     def _watch_scene(
         self, scene: Scene | None, names: Mapping[str, str]
     ) -> tuple[dict[str, Topic], dict[str, dict[str, Topic]]]:
         """Listen to poses of bodies and pictures; they by body and by camera."""
         if scene is None:
             return {}, {}
-        bodies = [name for name, body in scene.bodies.items() if body.kind is not BodyKind.FIXED]
-        poses = {name: self._view.watch(names["body_pose"].format(body=name), PoseStamped) for name in bodies}
+        poses = {name: self._view.watch(names["body_pose"].format(body=name), PoseStamped) for name in _movable(scene)}
         spaces = {name: names["camera"].format(camera=name) for name in scene.cameras}
         cameras = {
             name: {part: self._view.watch(f"{space}/{part}", kind) for part, kind in CAMERA.items()}
@@ -226,7 +234,7 @@ class Examination:
             for part, topic in parts.items():
                 remedy = f"start the driver of camera '{camera}' with aligned depth, or set names.camera"
                 if "mask" in part:
-                    remedy = "start a segmentation node; without one, contacts are sampled on the known shapes"
+                    remedy = "only a segmentation node shows objects that the scene does not have"
                 found = topic_findings(self._view.refresh(topic), kind_name(CAMERA[part]), remedy, required=False)
                 if not found and part.startswith("aligned_depth") and topic.data is not None:
                     encoding = getattr(topic.data, "encoding", DEPTH_ENCODING)
@@ -235,14 +243,25 @@ class Examination:
                 self.findings += found or [Finding(OK, topic.name)]
 
     def _actions(self, scene: Scene, names: Mapping[str, str]) -> None:
-        for robot, placed in scene.robots.items():
-            wanted = [("arm_action", FollowJointTrajectory)]
-            wanted += [("gripper_action", GripperCommand)] if placed.model.gripper else []
-            for key, kind in wanted:
-                name = names[key].format(robot=robot)
-                types, servers = self._view.action(name)
-                found = action_findings(name, action_kind(kind), types, servers, MODELS.format(key))
-                self.findings += found or [Finding(OK, name)]
+        for name, key, kind in _wanted_actions(scene, names):
+            types, servers = self._view.action(name)
+            found = action_findings(name, action_kind(kind), types, servers, MODELS.format(key))
+            self.findings += found or [Finding(OK, name)]
+
+
+def _movable(scene: Scene) -> list[str]:
+    """The bodies whose poses are measured."""
+    return [name for name, body in scene.bodies.items() if body.kind is not BodyKind.FIXED]
+
+
+def _wanted_actions(scene: Scene, names: Mapping[str, str]) -> list[tuple[str, str, type]]:
+    """Name, parameter and type of each action by which the robots are moved."""
+    wanted: list[tuple[str, str, type]] = []
+    for robot, placed in scene.robots.items():
+        wanted.append((names["arm_action"].format(robot=robot), "arm_action", FollowJointTrajectory))
+        if placed.model.gripper:
+            wanted.append((names["gripper_action"].format(robot=robot), "gripper_action", GripperCommand))
+    return wanted
 
 
 def _wire(scene: Scene, names: Mapping[str, str], robot: str) -> list[str]:

@@ -1,5 +1,6 @@
 """Stops the arms when the supervisor that sent them has died; for hardware, whose controllers would go on."""
 
+import threading
 from collections.abc import Callable, Sequence
 
 from action_msgs.srv import CancelGoal
@@ -28,6 +29,8 @@ class MotionWatchdog:
         self._node = Node(NAME, namespace=namespace, use_global_arguments=False, start_parameter_services=False)
         self._warn = warn
         self._clients: dict[str, Client] = {}
+        self._closed = False
+        self._lock = threading.Lock()  # the heartbeat calls back in a thread of its own
         self._heartbeat = Heartbeat(self._node, "supervisor", None, self._stop, MOTION_LEASE)
         executor = SingleThreadedExecutor()
         executor.add_node(self._node)
@@ -41,12 +44,17 @@ class MotionWatchdog:
 
     def close(self) -> None:
         """End it."""
+        with self._lock:
+            self._closed = True
         self._spinner.stop()
         self._node.destroy_node()
 
     def _stop(self) -> None:
-        there = [name for name, client in list(self._clients.items()) if client.service_is_ready()]
-        for name in there:
-            self._clients[name].call_async(CancelGoal.Request())  # without a goal and a time: all of them
+        with self._lock:
+            if self._closed:  # the supervisor ends with this node
+                return
+            there = [name for name, client in list(self._clients.items()) if client.service_is_ready()]
+            for name in there:
+                self._clients[name].call_async(CancelGoal.Request())  # without a goal and a time: all of them
         if there:
             self._warn(f"no supervisor lives any more; told to stop: {', '.join(there)}")
