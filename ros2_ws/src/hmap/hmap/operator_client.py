@@ -11,6 +11,7 @@ from hmap_core.exceptions import Code, PlannerError
 
 SERVICES = ("pause", "resume", "stop", "confirm")
 LIMIT = 15.0  # s for an answer, on a busy machine
+REPEAT = 2.0  # s without an answer after which a request is sent again
 POLL = 0.005  # s
 
 
@@ -36,22 +37,36 @@ class OperatorClient:
     def call(self, name: str) -> tuple[bool, str]:
         """Call ``pause``, ``resume``, ``stop`` or ``confirm``.
 
+        The middleware may lose a request, above all where processes were killed. It is sent again every REPEAT, since
+        none of these does more when it comes twice, and the first answer counts.
+
         Returns:
             whether it did anything, and a sentence.
 
         Raises:
             PlannerError: SERVICE_UNAVAILABLE; the supervisor does not answer.
         """
-        until = time.monotonic() + LIMIT
+        until, again = time.monotonic() + LIMIT, 0.0
         if not self._clients[name].wait_for_service(LIMIT):
             raise PlannerError(f"no supervisor offers the service {name!r}", Code.SERVICE_UNAVAILABLE)
-        future: Future = self._clients[name].call_async(Trigger.Request())
-        while not future.done():
-            if time.monotonic() > until:
-                raise PlannerError(f"the service {name!r} has not answered in {LIMIT:g} s", Code.SERVICE_UNAVAILABLE)
-            time.sleep(POLL)
-        answer = future.result()
-        return answer.success, answer.message
+        sent: list[Future] = []
+        try:
+            while True:
+                now = time.monotonic()
+                if now > until:
+                    text = f"the service {name!r} has not answered in {LIMIT:g} s"
+                    raise PlannerError(text, Code.SERVICE_UNAVAILABLE)
+                if now > again:
+                    sent.append(self._clients[name].call_async(Trigger.Request()))
+                    again = now + REPEAT
+                for future in sent:
+                    if future.done():
+                        answer = future.result()
+                        return answer.success, answer.message
+                time.sleep(POLL)
+        finally:
+            for future in sent:
+                self._clients[name].remove_pending_request(future)
 
     def scale_speed(self, value: float) -> None:
         """Scale all planned speeds by a value in (0, 1], also of what moves now."""

@@ -4,9 +4,11 @@ import threading
 from types import SimpleNamespace
 
 import pytest
+from rclpy.task import Future
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
+from hmap import operator_client
 from hmap.supervision import operator_controls as module
 from hmap.supervision.operator_controls import OperatorControls
 from hmap_core.exceptions import Code, InputError, PlannerError
@@ -94,3 +96,37 @@ def test_the_first_motion_waits_for_a_confirmation(monkeypatch):
 def test_without_the_parameter_nothing_waits():
     _, operator, _ = controls()
     operator.wait_for_confirmation(lambda: False, pytest.fail)
+
+
+class LosingClient:
+    """Stands in for a client of which the middleware loses the first request."""
+
+    def __init__(self):
+        self.sent, self.forgotten = [], 0
+
+    def wait_for_service(self, _) -> bool:
+        return True
+
+    def call_async(self, _):
+        self.sent.append(Future())
+        if len(self.sent) == 2:
+            self.sent[-1].set_result(Trigger.Response(success=True, message="motions go on"))
+        return self.sent[-1]
+
+    def remove_pending_request(self, _) -> None:
+        self.forgotten += 1
+
+
+@pytest.mark.parametrize(("repeat", "limit"), [(0.05, 60.0), (60.0, 0.1)])
+def test_a_request_of_an_operator_that_is_lost_is_sent_again(monkeypatch, repeat, limit):
+    monkeypatch.setattr(operator_client, "REPEAT", repeat)
+    monkeypatch.setattr(operator_client, "LIMIT", limit)
+    losing = LosingClient()
+    node = SimpleNamespace(create_client=lambda *_: losing, create_publisher=lambda *_: None)
+    client = operator_client.OperatorClient(node)
+    if repeat < limit:
+        assert client.call("resume") == (True, "motions go on")
+        assert len(losing.sent) == losing.forgotten == 2
+    else:
+        with pytest.raises(PlannerError, match="has not answered"):
+            client.call("resume")
