@@ -28,6 +28,7 @@ ROS_PREFIXES = ("rclpy", "rcl_", "ament_", "rosidl_", "launch", "tf2_", "rosbag2
 # Inside hmap_core a module imports modules of lower layers, and of its own where that makes no circle; lowest first.
 LAYERS = (
     {
+        "arguments",
         "array_cache",
         "cache_locator",
         "clock",

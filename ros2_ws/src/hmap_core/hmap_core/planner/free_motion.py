@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hmap_core.arguments import checked_pose, checked_seed, checked_time_limit
 from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.exceptions import Code, InputError, MotionError
 from hmap_core.komo.allowances import OVERLAP_ALLOWED, RELAXATION
@@ -60,8 +61,8 @@ def plan_motion(
             or without a way out.
         MotionError: no configuration reaches the pose (OUT_OF_REACH), or no way was found (NO_MOTION).
     """
-    deadline = time.monotonic() + time_limit
-    rng = np.random.default_rng(seed)
+    deadline = time.monotonic() + checked_time_limit(time_limit)
+    rng = np.random.default_rng(checked_seed(seed))
     if robot not in scene.robots:
         raise InputError(f"robot '{robot}' is unknown; the scene has {', '.join(scene.robots)}", Code.UNKNOWN_ROBOT)
     if (q is None) == (T_world_ee is None):
@@ -69,7 +70,7 @@ def plan_motion(
     state, notes = within_limits(scene, scene.start_state() if state is None else state)
     _check_standing(scene, state, robot, state.q[robot], "start", Code.START_IN_COLLISION)
     if q is None:
-        goals = _configurations(scene, state, robot, _checked_pose(T_world_ee), rng)
+        goals = _configurations(scene, state, robot, checked_pose(T_world_ee, "T_world_ee", UNIT), rng)
     else:
         goal, moved = configuration_within_limits(scene.robots[robot], q, "goal")
         _check_standing(scene, state, robot, goal, "goal", Code.GOAL_IN_COLLISION)
@@ -112,13 +113,6 @@ def _enclosed(scene: Scene, state: SceneState, robot: str, q: np.ndarray, what: 
         f"{' and '.join(names)}",
         code,
     )
-
-
-def _checked_pose(pose: np.ndarray | None) -> np.ndarray:
-    T = np.array(pose, float)
-    if T.shape != (7,) or not np.isfinite(T).all() or abs(np.linalg.norm(T[3:]) - 1.0) > UNIT:
-        raise InputError(f"T_world_ee is {T.tolist()}; needed: x, y, z and a unit quaternion xyzw", Code.INVALID_POSE)
-    return T
 
 
 def _configurations(scene: Scene, state: SceneState, robot: str, T_world_ee: np.ndarray, rng) -> list[np.ndarray]:

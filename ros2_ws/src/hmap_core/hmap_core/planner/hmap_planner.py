@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hmap_core.arguments import checked_seed, checked_time_limit
 from hmap_core.contacts.camera import Cloud
 from hmap_core.deadline import check_time
 from hmap_core.exceptions import Code, HmapError
@@ -99,8 +100,10 @@ class PlanningJob:
         """The arguments are those of :meth:`HmapPlanner.plan`; ``began`` is ``time.monotonic()`` when the job began.
 
         Raises:
-            InputError: the state does not fit the scene, or has a joint or a finger beyond its limits.
+            InputError: the seed or the time limit is none; the state does not fit the scene, or has a joint or a
+                finger beyond its limits.
         """
+        seed, time_limit = checked_seed(seed), checked_time_limit(time_limit)
         self.tool_grasp = planner.tool_grasp
         self._as_written = state is None and self.tool_grasp is None
         measured, self.notes = within_limits(scene, scene.start_state() if state is None else state)

@@ -215,7 +215,7 @@ class PlanRepair:
             after = state_after(after, motion)
         name = next((s.object for s in motions[-1].segments if s.object is not None), scene.goal.object)
         scene = scene.with_goal(replace(scene.goal, object=name, pose=after.poses[name]))
-        report = check(to_dict(assemble(scene, state, motions, np.zeros((0, 7)), {})))
+        report = check(to_dict(assemble(scene, state, motions, np.zeros((0, 7)), {})), self.time_left)
         if not report.valid:
             worst = report.violations[0]
             raise PlannerError(

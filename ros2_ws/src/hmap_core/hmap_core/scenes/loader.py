@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from hmap_core import transforms
+from hmap_core.arguments import checked_seed
 from hmap_core.exceptions import Code, InputError
 from hmap_core.scenes import resources
 from hmap_core.scenes.bodies import build_body
@@ -66,9 +67,9 @@ def instantiate(document: Document, task: str, seed: int | None = None) -> Scene
     Raises:
         InputError: as :func:`load_scene`.
     """
-    if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0):
-        raise InputError(f"seed = {seed!r}: must be an integer, 0 or larger")
-    if seed is None:
+    if seed is not None:
+        checked_seed(seed)
+    else:
         default = document.data.get("seed", 0)
         seed = default if type(default) is int and default >= 0 else 0  # validate reports an invalid one
     entry = validate(TaskFile, document, draw(document, int(seed)))

@@ -6,6 +6,7 @@ Everything that plans from a state, or to a configuration, reads it here.
 
 import numpy as np
 
+from hmap_core.arguments import checked_numbers, checked_pose
 from hmap_core.exceptions import InputError
 from hmap_core.kinematics.urdf import load_urdf
 from hmap_core.types import JOINT_TOLERANCE, OPENING_TOLERANCE, Gripper, Robot, RobotModel, Scene, SceneState
@@ -24,12 +25,15 @@ def within_limits(scene: Scene, state: SceneState) -> tuple[SceneState, tuple[st
         The state, the same object where it is within the limits; and a note for each value that was changed.
 
     Raises:
-        InputError: the state lacks a robot or a body of the scene, has a wrong number of joints, or a joint is
-            beyond its limits by more than JOINT_TOLERANCE, or an opening by more than OPENING_TOLERANCE.
+        InputError: the state lacks a robot or a body of the scene, has a pose that is none or a wrong number of
+            joints, or a joint is beyond its limits by more than JOINT_TOLERANCE, or an opening by more than
+            OPENING_TOLERANCE.
     """
     missing = sorted(scene.bodies.keys() - state.poses.keys())
     if missing:
         raise InputError(f"the state lacks poses of {', '.join(missing)}; it needs one of each body")
+    for name in scene.bodies:
+        checked_pose(state.poses[name], f"start pose of '{name}'")
     q, gripper, notes = dict(state.q), dict(state.gripper), []
     for name, robot in scene.robots.items():
         if name not in q or (robot.model.gripper is not None and name not in gripper):
@@ -53,9 +57,8 @@ def configuration_within_limits(robot: Robot, q: np.ndarray, what: str) -> tuple
         InputError: a wrong number of joints, a value that is not finite, or one that is beyond a limit by more than
             JOINT_TOLERANCE.
     """
-    model, q = robot.model, np.asarray(q, float)
-    if q.shape != model.home.shape or not np.isfinite(q).all():
-        raise InputError(f"{what} of '{robot.name}' is {q.tolist()}; needed: {len(model.home)} finite joint positions")
+    model, n = robot.model, len(robot.model.home)
+    q = checked_numbers(q, n, f"{what} of '{robot.name}'", f"{n} finite joint positions")
     lower, upper = model.position_limits
     if ((lower <= q) & (q <= upper)).all():
         return q, ()
@@ -83,6 +86,8 @@ def _opening_within_limits(robot: Robot, opening: float) -> tuple[float, tuple[s
     gripper = robot.model.gripper
     if gripper is None:
         return opening, ()
+    if not isinstance(opening, int | float | np.number):
+        raise InputError(f"opening of the gripper of '{robot.name}' is {opening!r}; needed: a number of metres")
     low, high = _opening_range(robot.model, gripper)
     kept = float(np.clip(opening, low, high))
     if kept == opening:

@@ -12,6 +12,7 @@ from hmap_core.validation.pairs import Pair
 from hmap_core.validation.world import Track, World
 
 STRIDE = 16  # samples between two anchors, at which the boxes of all pairs are compared
+AT_ONCE = 512  # pairs whose motion is summed up between two looks at the clock
 BATCH = 4096  # boxes that are compared together, so that their data fit in a processor cache
 
 
@@ -25,7 +26,9 @@ class PartBoxes:
         counts = np.array([1 if track.still else world.samples for track in tracks], int)
         self._first = np.cumsum(counts) - counts
         self._step = np.minimum(counts - 1, 1)  # from the box of one sample to that of the next
-        self._boxes = Boxes.join([self._around(t, n) for t, n in zip(tracks, counts.tolist(), strict=True)])
+        self._boxes = Boxes.join(
+            [self._around(t, n) for t, n in zip(tracks, counts.tolist(), strict=True)], self._check_time
+        )
 
     def _around(self, track: Track, count: int) -> Boxes:
         self._check_time()
@@ -70,8 +73,12 @@ class Bounds:
         self.anchors = np.unique(np.append(np.arange(0, world.samples, STRIDE), world.samples - 1))
         grid = np.meshgrid(np.arange(len(pairs)), self.anchors, indexing="ij")
         self.at_anchors = self._gaps(*(index.ravel() for index in grid)).reshape(len(pairs), len(self.anchors))
+        world.check_time()
         self.travelled = np.zeros((len(pairs), world.samples))
-        np.cumsum([pair.motion for pair in pairs], axis=1, out=self.travelled[:, 1:])
+        for first in range(0, len(pairs), AT_ONCE):
+            world.check_time()
+            rows = slice(first, first + AT_ONCE)
+            np.cumsum([pair.motion for pair in pairs[rows]], axis=1, out=self.travelled[rows, 1:])
 
     def _gaps(self, rows: np.ndarray, samples: np.ndarray) -> np.ndarray:
         return self._boxes.gaps(self._a[rows], self._b[rows], samples)

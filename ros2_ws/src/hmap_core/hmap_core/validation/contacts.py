@@ -107,13 +107,18 @@ class Contact:
 
     def _moved(self, parts: list[Part]) -> np.ndarray:
         """Bound (n,) on the motion of the object's points since the first sample, relative to the touching parts, m."""
+        self.world.check_time()
         state, samples, objects = self.world.state, self.window, self.world.parts_of(self.object)
         if not parts or not objects:
             return np.zeros(samples.stop - samples.start)
         (Ra, pa), (Rb, pb) = parts[0].place(state), state.bodies[self.object]
         R, p = rigid.relative(Ra[samples], pa[samples], Rb[samples], pb[samples])
         moved, turned = rigid.deviation(R, p, R[0], p[0])
-        return moved + turned * max(part.reach for part in objects)
+        reach = 0.0
+        for part in objects:
+            self.world.check_time()
+            reach = max(reach, part.reach)
+        return moved + turned * reach
 
     def _nearest(self, parts: list[Part], k: int) -> tuple[float, tuple[Part, Part] | None]:
         """Distance (m) of some parts from the object at sample k, and the nearest two; distances of boxes say which
@@ -123,6 +128,7 @@ class Contact:
         best: tuple[float, tuple[Part, Part] | None] = (np.inf, None)
         if not parts or not objects:
             return best
+        self.world.check_time()
         one, other = (np.array([self.world.number[part] for part in some], int) for some in (parts, objects))
         for bound, (i, j) in nearest_first(self.world, one, other, k):
             if bound > max(best[0], 0.0):  # boxes that overlap tell nothing

@@ -300,10 +300,13 @@ class Boxes:
         return cls(np.moveaxis(R, 0, -1), center.T, np.broadcast_to(shape.half[:, None], (3, len(p))))
 
     @classmethod
-    def join(cls, boxes: list["Boxes"]) -> "Boxes":
-        """Concatenates several sets of boxes."""
-        parts = ([b.axes for b in boxes], [b.center for b in boxes], [b.half for b in boxes])
-        return cls(*(np.concatenate(part, axis=-1) for part in parts))
+    def join(cls, boxes: list["Boxes"], check_time: Callable[[], object]) -> "Boxes":
+        """Concatenates several sets of boxes; calls ``check_time`` in between."""
+        joined = []
+        for part in ([b.axes for b in boxes], [b.center for b in boxes], [b.half for b in boxes]):
+            check_time()
+            joined.append(np.concatenate(part, axis=-1))
+        return cls(*joined)
 
     def __getitem__(self, index: np.ndarray) -> "Boxes":
         return Boxes(self.axes[..., index], self.center[:, index], self.half[:, index])
