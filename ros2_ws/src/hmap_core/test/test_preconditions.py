@@ -74,6 +74,23 @@ def test_a_tool_lengthens_the_arm(tmp_path):
     check_reach(longer, longer.start_state(), longer.goal)
 
 
+@pytest.mark.parametrize(("apart", "between", "met"), [(2.2, None, True), (2.7, None, False), (2.7, 1.35, True)])
+def test_robots_that_cannot_meet_are_told_at_once(tmp_path, apart, between, met):
+    scene = carry(tmp_path, goal=(apart - 0.5, 0.15, 0.04))
+    arm = scene.robots["arm"]
+    places = {"other": apart} | ({"middle": between} if between else {})
+    others = {name: replace(arm, name=name, base_pose=arm.base_pose + x * np.eye(7)[0]) for name, x in places.items()}
+    scene = replace(scene, robots=scene.robots | others)
+    if met:
+        check_reach(scene, scene.start_state(), scene.goal)
+        return
+    with pytest.raises(
+        ContactError, match=r"'arm' and 'other' are 2\.70 m apart and reach 1\.14 m and 1\.14 m"
+    ) as error:
+        check_reach(scene, scene.start_state(), scene.goal)
+    assert error.value.code == Code.OUT_OF_REACH
+
+
 def test_a_scene_as_it_should_be_passes(tmp_path):
     scene = carry(tmp_path)
     check_bodies(scene, scene.goal)

@@ -193,23 +193,48 @@ def check_loads(scene: Scene, state: SceneState, goal: Goal, attached: str | Non
 
 
 def check_reach(scene: Scene, state: SceneState, goal: Goal) -> None:
-    """Raises ContactError OUT_OF_REACH where all arms are too short for an object, at its start or its goal.
+    """Checks that arms are long enough for an object at its start and its goal, and to pass it on in between.
 
     By their span and that of the tools alone: whether a hand can come to it otherwise is not asked.
+
+    Raises:
+        ContactError: OUT_OF_REACH; all arms are too short for one end, or no chain of arms joins both.
     """
-    own = extent(scene, goal.object)
     tools = [extent(scene, n) for n, b in scene.bodies.items() if b.kind == BodyKind.TOOL and n != goal.object]
+    own, longest = extent(scene, goal.object), max(tools, default=0.0)
+    with_tools = " with the longest tool" if tools else ""
+    shoulder, reach = {}, {}
+    for name, robot in scene.robots.items():
+        arm = load_arm(robot.model)
+        shoulder[name] = apply(robot.base_pose, arm.p_joint[0])
+        reach[name] = arm.length + 2.0 * longest
+    near: list[set[str]] = []
     for what, T in (("start", state.poses[goal.object]), ("goal", goal.pose)):
-        far, reach = {}, {}
-        for name, robot in scene.robots.items():
-            arm = load_arm(robot.model)
-            far[name] = float(np.linalg.norm(T[:3] - apply(robot.base_pose, arm.p_joint[0])))
-            reach[name] = arm.length + 2.0 * max(tools, default=0.0)
-        if all(far[name] - own > reach[name] for name in far):
+        far = {name: float(np.linalg.norm(T[:3] - shoulder[name])) for name in scene.robots}
+        near.append({name for name in far if far[name] - own <= reach[name]})
+        if not near[-1]:
             place = ", ".join(f"{v:.3f}" for v in T[:3])
             arms = ", ".join(f"'{name}' is {far[name]:.2f} m away and reaches {reach[name]:.2f} m" for name in far)
-            with_tools = " with the longest tool" if tools else ""
             raise ContactError(
                 f"the {what} of '{goal.object}' at ({place}) is out of reach of {', '.join(far)}{with_tools}: {arms}",
                 Code.OUT_OF_REACH,
             )
+
+    def meet(a: str, b: str) -> bool:
+        return float(np.linalg.norm(shoulder[a] - shoulder[b])) <= reach[a] + reach[b] + 2.0 * own
+
+    joined = set(near[0])  # robots to which the object can be passed on
+    while more := {b for b in reach.keys() - joined if any(meet(a, b) for a in joined)}:
+        joined |= more
+    if not joined & near[1]:
+        a, b = min(
+            ((a, b) for a in joined for b in near[1]),
+            key=lambda pair: np.linalg.norm(shoulder[pair[0]] - shoulder[pair[1]]),
+        )
+        apart = float(np.linalg.norm(shoulder[a] - shoulder[b]))
+        raise ContactError(
+            f"'{goal.object}' cannot be passed on to a robot that reaches its goal: '{a}' and '{b}' are {apart:.2f} m "
+            f"apart and reach {reach[a]:.2f} m and {reach[b]:.2f} m{with_tools}, and '{goal.object}' is "
+            f"{2.0 * own:.2f} m long; move the robots nearer to each other, or add one between them",
+            Code.OUT_OF_REACH,
+        )

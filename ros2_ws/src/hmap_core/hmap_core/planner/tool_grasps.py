@@ -53,7 +53,8 @@ class ToolGraspSearch:
         """Return grasps on tools with which the object may be moved, the farthest-reaching first.
 
         Inverse kinematics is solved only for picking the tool. Of grasps that reach equally far, the one with the most
-        contacts that do so comes first: it leaves the most room.
+        contacts that do so comes first: it leaves the most room. If none of the contacts with the best score serves
+        for any grasp, all contacts are looked at: in narrow places few of thousands are free.
 
         Args:
             scene, state: the world, and where everything is.
@@ -80,10 +81,11 @@ class ToolGraspSearch:
             for tool, robot in pairs
         ]
 
-        def rank(some: Sequence[ToolGrasp]) -> int:
+        def rank(some: Sequence[ToolGrasp], every: bool = False) -> int:
             best = -1
             for grasp in some:
-                bound, count = self._bound(attach_tool(scene, grasp), state, object, object_poses, grasp.robot, rng)
+                attached = attach_tool(scene, grasp)
+                bound, count = self._bound(attached, state, object, object_poses, grasp.robot, rng, every)
                 best = max(best, bound)
                 if bound >= least:
                     ranked.append((grasp, bound, count))
@@ -108,6 +110,8 @@ class ToolGraspSearch:
         for some, best in zip(grasps, first, strict=True):
             if best >= good:
                 rank(some[RANKED_FIRST:])
+        for some in [] if ranked else grasps:
+            rank(some, every=True)
         return [(grasp, bound) for grasp, bound, _ in sorted(ranked, key=_by_reach)]
 
     def _likely(
@@ -135,14 +139,23 @@ class ToolGraspSearch:
         ok, q = reachable(manipulation, contacts, T_tool, rng)
         return [RobotContact(robot, contacts[k], 0, q[k][None], away) for k in np.flatnonzero(ok)][:KEPT]
 
-    def _bound(self, scene: Scene, state: SceneState, object: str, object_poses, robot: str, rng) -> tuple[int, int]:
-        """The farthest pose to which hand, tool and object may go, with how many contacts; -1: they cannot meet."""
-        contacts = self._first_batch(ContactQuery(scene, state, object, object_poses, robot, rng)).contacts
-        if not contacts:
-            return -1, 0
+    def _bound(
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, robot: str, rng, every: bool
+    ) -> tuple[int, int]:
+        """The farthest pose to which hand, tool and object may go, with how many contacts; -1: they cannot meet.
+
+        By the first batch of contacts; with ``every`` by all of them, up to the first one that serves far enough.
+        """
+        query = ContactQuery(scene, state, object, object_poses, robot, rng)
         manipulation, _ = cleared(scene, state, object, robot)
-        bounds = reach_bounds(manipulation, contacts, object_poses)
-        return int(bounds.max()), int((bounds == bounds.max()).sum())
+        best = -1, 0
+        for batch in self._proposer.propose(query) if every else (self._first_batch(query),):
+            if len(batch.contacts):
+                bounds = reach_bounds(manipulation, batch.contacts, object_poses)
+                best = max(best, (int(bounds.max()), int((bounds == bounds.max()).sum())))
+            if best[0] >= least_reach(object_poses):
+                break
+        return best
 
     def _first_batch(self, query: ContactQuery) -> ContactProposals:
         return next(iter(self._proposer.propose(query)), ContactProposals(()))
