@@ -7,7 +7,7 @@ from itertools import groupby
 import numpy as np
 
 from hmap_core.collision.convex import ConvexSet, set_distance
-from hmap_core.contacts.candidates import Hand
+from hmap_core.contacts.candidates import SHALLOWEST, Hand
 from hmap_core.kinematics.arm import LINK_TOLERANCE, Arm, LinkHull, load_arm
 from hmap_core.komo.shapes import body_set
 from hmap_core.komo.surroundings import hull_set
@@ -16,6 +16,7 @@ from hmap_core.types import Body, ContactKind, ContactPoint, Gripper, Robot, Sha
 
 PALM_STEP = 0.001  # m; the palm's distance is rounded down to a multiple
 FINGER_TOLERANCE = 9e-4  # m; largest distance and depth of a closed finger at a surface; the judge allows 1 mm
+LEAST_BACK = 0.001  # m that a grasp is drawn back at least to count as another one
 # number of openings at which the palm's distance is computed, for hands with parts that move with the opening
 OPENINGS = 9
 
@@ -94,6 +95,26 @@ def align_pads(contacts: Sequence[ContactPoint], gripper: Gripper) -> list[Conta
         else c
         for c in contacts
     ]
+
+
+def drawn_back(contacts: Sequence[ContactPoint], gripper: Gripper) -> list[ContactPoint]:
+    """The grasps among some contacts with as little of the pads on the object as the sampler allows.
+
+    Args:
+        contacts: grasps have the end-effector frame in the middle between the pads.
+        gripper: gives the pads' length.
+
+    Returns:
+        New contacts, with the hand drawn back by LEAST_BACK or more; grasps that cannot be are left out.
+    """
+    moved = []
+    for contact in contacts:
+        if contact.kind == ContactKind.GRASP:
+            deep = apply(inverse(contact.T_obj_ee), contact.point)[2]  # how far the hand is drawn back already
+            back = SHALLOWEST * gripper.tip_offset - deep
+            if back >= LEAST_BACK:
+                moved.append(replace(contact, T_obj_ee=multiply(contact.T_obj_ee, pose((0.0, 0.0, -back)))))
+    return moved
 
 
 def drop_unfit_grasps(body: Body, contacts: Sequence[ContactPoint], robot: Robot) -> list[ContactPoint]:

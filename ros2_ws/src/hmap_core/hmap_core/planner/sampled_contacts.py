@@ -10,7 +10,7 @@ from hmap_core.contacts.candidates import Situation
 from hmap_core.contacts.feasibility import reach_bounds
 from hmap_core.contacts.free_rotation import reached_frames
 from hmap_core.contacts.grasp_torque import pad_balance, push_torque_ratio
-from hmap_core.contacts.hand import align_pads, drop_unfit_grasps, hand_of
+from hmap_core.contacts.hand import align_pads, drawn_back, drop_unfit_grasps, hand_of
 from hmap_core.contacts.sampler import sample_contacts
 from hmap_core.contacts.solids import solids
 from hmap_core.deadline import check_time
@@ -89,7 +89,8 @@ class SampledContacts:
     def _free_for_hand(self, query: ContactQuery, left: list[Iterator[list[ContactPoint]]]) -> list[ContactPoint]:
         """Those of the contacts that were not proposed yet which the hand alone can make where the object is.
 
-        In narrow places few of thousands can.
+        In narrow places few of thousands can. Grasps that it cannot make are looked at once more with less of the pads
+        on the object: the hand then is farther out.
         """
         manipulation = Manipulation(query.scene, query.state, query.robot, query.object)
         gripper = hand_of(query.scene.robots[query.robot]).gripper
@@ -100,6 +101,11 @@ class SampledContacts:
             placed = batch if gripper is None else align_pads(batch, gripper)
             bound = reach_bounds(manipulation, placed, query.object_poses[:1])
             free += self._sound(query, [contact for contact, far in zip(batch, bound, strict=True) if far >= 0])
+            blocked = [contact for contact, far in zip(batch, bound, strict=True) if far < 0]
+            back = [] if gripper is None else drawn_back(blocked, gripper)
+            if gripper is not None and back:
+                bound = reach_bounds(manipulation, align_pads(back, gripper), query.object_poses[:1])
+                free += self._sound(query, [contact for contact, far in zip(back, bound, strict=True) if far >= 0])
             if len(free) >= BATCH or looked >= MORE_CONTACTS:
                 break
         return free
