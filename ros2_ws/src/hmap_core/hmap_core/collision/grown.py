@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hmap_core.collision.scene_model import LEAST_SPEED, CollisionModel, Collisions
+from hmap_core.deadline import check_time
 
 
 class BaseModel(CollisionModel):
@@ -42,6 +43,7 @@ class GrownModel(CollisionModel):
         return self._packed[1]
 
     def _pack(self) -> Collisions:
+        check_time()
         base, S, P = self._base.packed, len(self._base.hulls), len(self._base.pairs)
         vertices, radius, center, bound, edges = _columns(self.hulls[S:], 5)
         first, second, min_distance, phases = _columns(self.pairs[P:], 4)

@@ -157,6 +157,7 @@ def grasps(
     R = frames(z, np.cross(y, z))
     middle = points - 0.5 * width[:, None] * normals
     above = _depths(middle, np.ascontiguousarray(-z), own)
+    check_time()
     shallower, keep = clear_of_palm(above, hand)
     shallower = np.maximum(shallower, _off_floor(z, y, middle, hand, situation.T_world_obj, floor))
     origin = middle - z * shallower[:, None]

@@ -26,6 +26,7 @@ from hmap_core.collision.boxes import near_path
 from hmap_core.collision.convex import ConvexSet, set_distance
 from hmap_core.collision.grown import GrownModel
 from hmap_core.collision.scene_model import CollisionModel
+from hmap_core.deadline import check_time
 from hmap_core.komo.min_distances import HELD_CLEARANCE, OBJECT_CLEARANCE, TOUCH_ALLOWANCE
 from hmap_core.komo.segment import free_opening
 from hmap_core.komo.skeleton import MAX_PHASES, SkeletonEntry, Symbol
@@ -161,6 +162,7 @@ class Clearances:
 
     def _added(self, model: CollisionModel, stay: _Stay) -> _Stay:
         """The same with its shapes added to the model."""
+        check_time()
         shapes, place = self._workspace.posed(stay.name, stay.place.T), stay.place
         speed = 1.0 if place.robot is None else self._workspace.speed(place.robot, shapes)
         return replace(stay, shapes=tuple(model.add_set(stay.name, shapes, place.frame, speed)))

@@ -58,6 +58,7 @@ class SampledContacts:
         near = box_of(scene.bodies[query.object], poses[0]) + (room + SKIN) * np.array([[-1.0], [1.0]])
         others = shapes_in_box(_others(scene, query.state, query.object), near)
         around = solids([(shape, T) for other, T in others for shape in other.shapes])
+        check_time()
         surface = surface[accessible(surface, poses[0], around, room)]
         ahead = poses[1] if len(poses) > 1 else None
         limited = load_arm(placed.model).mobility < ALL_DIRECTIONS
@@ -112,6 +113,7 @@ class SampledContacts:
 
     def _sound(self, query: ContactQuery, batch: list[ContactPoint]) -> list[ContactPoint]:
         """The contacts whose fingers, or tool, hold on the object."""
+        check_time()
         scene, placed = query.scene, query.scene.robots[query.robot]
         body, hand = scene.bodies[query.object], hand_of(placed)
         if hand.attached is not None and scene.mode == TaskMode.PHYSICAL:
@@ -120,6 +122,7 @@ class SampledContacts:
         if hand.gripper is not None:
             even = pad_balance(body, batch, hand.gripper)
             batch = [c for c, share in zip(batch, even, strict=True) if share >= PAD_BALANCE]
+            check_time()
             return drop_unfit_grasps(body, align_pads(batch, hand.gripper), placed)
         return batch
 

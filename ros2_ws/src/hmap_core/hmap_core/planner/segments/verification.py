@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmap_core.collision.scene_model import CollisionModel, Collisions
+from hmap_core.deadline import check_time
 from hmap_core.kinematics.chain import Chain
 from hmap_core.komo.pair_blocks import PairChecks
 from hmap_core.komo.violations import VERIFY_STEP
@@ -49,6 +50,7 @@ def worst_between_steps(
     Args:
         resolution: m that a pair may come nearer between two looks without being noticed.
     """
+    check_time()
     deviation = min(VERIFY_DEVIATION, resolution)
     knots = curve.x
     speed = cols.speed.max(initial=1.0)  # what is attached or carried moves farther than the links
