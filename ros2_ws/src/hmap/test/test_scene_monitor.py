@@ -261,10 +261,10 @@ def test_older_clouds_replace_nothing(scene):
         scene_monitor._node.callbacks["object_clouds"](message)
 
 
-@pytest.mark.parametrize("died", [False, True])
-def test_a_clock_that_stands_excuses_silence_unless_who_publishes_it_has_died(scene, died):
+@pytest.mark.parametrize(("died", "stale_after"), [(False, 0.01), (True, 0.01), (True, PATIENCE)])
+def test_a_clock_that_stands_excuses_silence_unless_who_publishes_it_has_died(scene, died, stale_after):
     node = FakeNode(2.0)
-    scene_monitor = SceneMonitor(node, stale_after=0.01, clock_died=lambda: died)
+    scene_monitor = SceneMonitor(node, stale_after, clock_died=lambda: died)
     node.callbacks["scene"](scene_to_message(scene))
     node.callbacks["world_state"](state_to_message(scene, scene.start_state(), time_to_message(1.9)))
     time.sleep(0.05)

@@ -122,17 +122,20 @@ class SceneMonitor:
         return found
 
     def silent(self) -> bool:
-        """Whether no state has arrived for too long. While the node's clock stands, nothing moves, and none is due."""
+        """Whether no state has arrived for too long. While the node's clock stands, nothing moves, and none is due.
+
+        Where the node that publishes the clock has died, none counts.
+        """
         with self._news:
             return self._silent()
 
     def _silent(self) -> bool:
+        if self._clock_died():  # perception repeats the last measurement, which is as old as the clock that stands
+            return True
         if time.monotonic() - self._arrived <= self._stale_after:
             return False
         now = clock_time(self._node)
-        return (
-            self._clock_died() or now is None or self._arrived_at is None or abs(now - self._arrived_at) > CLOCK_STANDS
-        )
+        return now is None or self._arrived_at is None or abs(now - self._arrived_at) > CLOCK_STANDS
 
     def newest(self) -> tuple[float, SceneState] | None:
         """The newest stamp (s) and state; None where none has arrived for too long."""
