@@ -5,13 +5,17 @@ import pytest
 
 from hmap_core.contacts.candidates import SHALLOWEST
 from hmap_core.contacts.hand import LEAST_BACK, drawn_back
+from hmap_core.exceptions import Code, ContactError
 from hmap_core.planner.diagnosis import hand_fits_at_goal
+from hmap_core.planner.obstacle_removal import _Tries
+from hmap_core.planner.outcome import Failure
 from hmap_core.planner.sampled_contacts import SampledContacts
+from hmap_core.planner.solution_sequence import Subgoal
 from hmap_core.planner.tool_grasps import ToolGraspSearch
 from hmap_core.scenes import load_scene
 from hmap_core.scenes.robots import load_robot_model
 from hmap_core.transforms import apply, inverse
-from hmap_core.types import ContactKind, ContactPoint
+from hmap_core.types import ContactKind, ContactPoint, Goal
 
 NICHE = """
 schema: 1
@@ -97,3 +101,23 @@ def test_drawn_back_grasps_have_less_of_the_pads_on_the_object():
     assert apply(inverse(moved.T_obj_ee), deep.point) == pytest.approx([0.0, 0.02, most])
     np.testing.assert_array_equal(moved.point, deep.point)
     assert drawn_back([], gripper) == []
+
+
+def test_places_at_another_height_come_first_where_two_at_one_had_no_contact():
+    class Nowhere:
+        context = None
+
+        def bring(self, subgoal, sequence):
+            return Failure.of(ContactError("no contact", Code.NO_CONTACT))
+
+    class Untested(_Tries):
+        def _check_immovable(self, name):
+            pass
+
+    tries = Untested(Nowhere(), None)
+    places = [np.array([x, 0.0, z, 0.0, 0.0, 0.0, 1.0]) for x, z in enumerate((0.25, 0.25, 0.25, 0.25, 0.5, 0.05))]
+    tried = []
+    for T in tries.varied(places):
+        tried.append(int(T[0]))
+        tries.first(Subgoal(Goal("jar", T), frozenset(), ()), [T])
+    assert tried == [0, 1, 4, 5, 2, 3]

@@ -1,6 +1,7 @@
 """Obstacles are removed from the way: each removal is an instance of Algorithm 1 of its own."""
 
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice, takewhile
 from typing import Protocol
@@ -21,6 +22,7 @@ from hmap_core.types import Goal, Scene, SceneState, TaskMode
 
 PLACES = 10  # for one obstacle to which one contact has to carry it
 PLACES_WITHOUT_CONTACT = 4  # after which several contacts in turn are tried
+PLACES_ALIKE = 2  # of these at one height, after which places at other heights come first
 PLACES_BY_STAGES = 3  # to which several contacts in turn are tried
 PLACES_BLOCKED = 2  # to which other bodies block the way, after which these are removed as well
 _STUCK = (Code.NO_CONTACT, Code.NO_MOTION)
@@ -197,7 +199,7 @@ class ObstacleRemoval:
         tries = _Tries(self.search, sequence)
         found = tries.first(alone, given)
         if found is None:
-            found = tries.first(replace(alone, whole=True), takewhile(lambda _: not tries.enough, places))
+            found = tries.first(replace(alone, whole=True), takewhile(lambda _: not tries.enough, tries.varied(places)))
         if found is None:
             found = tries.first(alone, tries.stuck[:PLACES_BY_STAGES])
         if found is None and own is not None:
@@ -244,11 +246,25 @@ class _Tries:
         self.stuck: list[np.ndarray] = []
         self.failure: HmapError | None = None
         self._without_contact = 0
+        self._at_height: Counter[int] = Counter()  # places without contact, by height in mm
 
     @property
     def enough(self) -> bool:
         """Whether further places are not likely to be better."""
         return len(self.blocked) >= PLACES_BLOCKED or self._without_contact >= PLACES_WITHOUT_CONTACT
+
+    def varied(self, places: Iterable[np.ndarray]) -> Iterator[np.ndarray]:
+        """The places in their order, but those at a height at which PLACES_ALIKE had no contact come last.
+
+        A hand that cannot place a body on one board, in a cabinet, may on another.
+        """
+        alike = []
+        for T in places:
+            if self._at_height[_millimetres(T)] >= PLACES_ALIKE:
+                alike.append(T)
+            else:
+                yield T
+        yield from alike
 
     def first(self, subgoal: Subgoal, places: Iterable[np.ndarray]) -> SolutionSequence | None:
         """The sequence after the subgoal, at the first place to which the body can be brought."""
@@ -278,5 +294,11 @@ class _Tries:
             self.blocked.append(T)
             return
         self._without_contact += failure.code == Code.NO_CONTACT
+        self._at_height[_millimetres(T)] += failure.code == Code.NO_CONTACT
         if failure.code in _STUCK:
             self.stuck.append(T)
+
+
+def _millimetres(T: np.ndarray) -> int:
+    """Height of a pose (7,), rounded."""
+    return round(1e3 * float(T[2]))
