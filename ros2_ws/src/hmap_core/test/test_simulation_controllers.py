@@ -229,3 +229,11 @@ def test_bad_gripper_commands_are_rejected(opening, effort):
     with pytest.raises(InputError, match="gripper"):
         hand.start(opening, effort)
     assert hand.outcome is None
+
+
+def test_at_rest_a_trajectory_may_start_where_the_joints_are_and_not_only_where_they_are_told_to_be():
+    arm = controller()
+    pushed = HERE + [0.0, 0.04]
+    arm.update(0.0, pushed, np.zeros(2))
+    arm.start(JointTrajectory(NAMES, [0.0, 1.0], [pushed, HERE + [1.0, 2.0]]), 0.0)
+    assert arm.active

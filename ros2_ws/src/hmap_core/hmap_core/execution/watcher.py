@@ -12,7 +12,7 @@ from hmap_core.execution.ports import Ports
 from hmap_core.execution.report import Deviation, SegmentDrift
 from hmap_core.planner.place_tool import tools_used
 from hmap_core.trajectory.samples import index_at, movable_bodies, poses_at
-from hmap_core.types import Plan, SceneState, SegmentKind
+from hmap_core.types import Body, Plan, SceneState, SegmentKind, ShapeKind
 
 MOVED_LIMIT = 0.02  # m that a body which should stay may move
 STAY_LIMIT = 0.001  # m; a body that the plan moves less than this should stay
@@ -44,6 +44,7 @@ class Watcher:
         self.moved: dict[str, float] = {}
         self._plan, self._ports = plan, ports
         self._bodies = movable_bodies(plan.scene)
+        self._axes = {name: _axis(plan.scene.bodies[name]) for name in self._bodies}
         self._places = {name: plan.scene.bodies[name].pose for name in self._bodies} | dict(places or {})
         self._staying = [name for name in self._bodies if planned_motion(plan, name) < STAY_LIMIT]
         self._lost_since: dict[str, float] = {}
@@ -159,7 +160,7 @@ class Watcher:
                 self.moved[name] = distance
 
     def _watch_fall(self, name: str, planned: np.ndarray, pose: np.ndarray, sample: int) -> None:
-        drop, tilt = planned[2] - pose[2], _tilt(planned, pose)
+        drop, tilt = planned[2] - pose[2], _tilt(planned, pose, self._axes[name])
         if name in self.fell or (drop <= FALL_LIMIT and tilt <= TOPPLE_LIMIT):  # a pose of NaN has fallen
             return
         t = float(self._plan.trajectory.time[sample])
@@ -194,7 +195,20 @@ def deviation(T_planned: np.ndarray, T_actual: np.ndarray) -> Deviation:
     return Deviation(distance, float(np.rad2deg(angle)))
 
 
-def _tilt(T_a: np.ndarray, T_b: np.ndarray) -> float:
-    """Angle in radians between the body's vertical directions at two poses; turning about the vertical is no tilt."""
-    up = transforms.rotation_matrix(T_b) @ transforms.rotation_matrix(T_a).T[:, 2]
-    return float(np.arccos(np.clip(up[2], -1.0, 1.0)))
+def _axis(body: Body) -> np.ndarray | None:
+    """Axis (3,) about which a body can roll and still lie as before, in its frame; zeros: any; None: there is none."""
+    if len(body.shapes) != 1 or body.shapes[0].kind not in (ShapeKind.CYLINDER, ShapeKind.CAPSULE, ShapeKind.SPHERE):
+        return None
+    shape = body.shapes[0]
+    return np.zeros(3) if shape.kind is ShapeKind.SPHERE else transforms.rotation_matrix(shape.pose)[:, 2]
+
+
+def _tilt(T_a: np.ndarray, T_b: np.ndarray, axis: np.ndarray | None) -> float:
+    """Angle in radians between the body's vertical directions at two poses; what rolls about its axis does not tilt."""
+    R_a, R_b = transforms.rotation_matrix(T_a), transforms.rotation_matrix(T_b)
+    up = R_b @ R_a.T[:, 2]
+    tilt = np.arccos(np.clip(up[2], -1.0, 1.0))
+    if axis is not None:
+        heights = np.clip([(R_a @ axis)[2], (R_b @ axis)[2]], -1.0, 1.0)
+        tilt = np.minimum(tilt, abs(np.subtract(*np.arcsin(heights))))
+    return float(tilt)

@@ -123,8 +123,8 @@ class TrajectoryController:
         """Follow a trajectory from ``now`` (s), in place of any that is active.
 
         Raises:
-            InputError: the trajectory is malformed, does not end at rest, or does not start where the joints are told
-                to be; what was active goes on.
+            InputError: the trajectory is malformed, does not end at rest, or starts neither where the joints are told
+                to be nor, at rest, where they are; what was active goes on.
         """
         motion = self._checked(trajectory, now, tolerances or self._default_tolerances)
         if self.active:
@@ -199,6 +199,8 @@ class TrajectoryController:
             velocities = None if velocities is None else np.concatenate([qd[None], velocities])
             efforts = None if efforts is None else np.concatenate([self._motion.efforts_at(now)[None], efforts])
         jump = np.abs(positions[0] - q)
+        if not self.moving:  # what pushes against the arm keeps it from where it is told to be
+            jump = np.minimum(jump, np.abs(positions[0] - self.tracking.q_actual))
         if jump.max() > tolerances.start:
             i = int(np.argmax(jump))
             raise InputError(
