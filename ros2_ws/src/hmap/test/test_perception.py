@@ -16,7 +16,7 @@ from std_msgs.msg import Header
 
 from hmap.node import LATCHED
 from hmap.nodes.perception import CAMERA_TOPICS, SEGMENTATION_PERIOD, Perception
-from hmap.perception.pictures import WITHOUT_MASK, PictureParts
+from hmap.perception.pictures import WITHOUT_MASK, Picture, PictureParts
 from hmap_core.exceptions import InputError
 from hmap_core.scenes import load_scene
 from hmap_core.simulation.camera import intrinsics
@@ -223,3 +223,21 @@ def test_an_unknown_segmentation_is_refused(ros):
     rclpy.init(args=["--ros-args", "-p", "segmentation:=colour"], domain_id=FIRST_DOMAIN + os.getpid() % DOMAINS)
     with pytest.raises(InputError, match="'segmentation' is 'colour'; allowed: auto, mask, geometry"):
         Perception()
+
+
+def test_a_picture_that_comes_before_the_poses_is_used_when_they_are_there(perception):
+    scene, stamp = perception._watched.fusion.scene, time.time()
+    camera = next(iter(scene.cameras.values()))
+    published = []
+    perception._clouds = type("Publisher", (), {"publish": staticmethod(published.append)})
+    image = SimulatedWorld(scene).render(camera)
+    names = {name: number for number, name in image.names.items()}
+    picture = Picture(camera, stamp, image.depth, image.mask, names, intrinsics(camera))
+    perception._update_clouds(perception._watched.fusion, picture)
+    assert not published[-1].clouds
+    perception._take_joints(joint_state(joints_of(perception), stamp))
+    message = pose_of(stamp)
+    message.pose = pose_to_message(scene.bodies["bar"].pose)
+    perception._take_pose(perception._watched.fusion, "bar", message)
+    perception._publish_state()
+    assert [cloud.object for cloud in published[-1].clouds] == ["bar"] and not perception._unplaced

@@ -112,6 +112,7 @@ class Perception(HmapNode):
         self._scene_subscriptions: list[Subscription] = []
         self._segmented: dict[str, float] = {}  # camera -> time of its newest picture segmented by geometry, s
         self._seen: dict[str, dict[str, Cloud]] = {}  # object -> camera -> its cloud
+        self._unplaced: dict[str, Picture] = {}  # camera -> its newest picture, where that shows bodies without a pose
         self._clouds_time = -math.inf  # s; of the newest picture in it
         self._tf = Frames()
         for topic, qos in (("/tf_static", TF_STATIC), ("/tf", TF)):
@@ -156,7 +157,7 @@ class Perception(HmapNode):
             watched = Watched(fusion, DetectedObjects(scene))
             self._announced = set()
         self._watched = watched
-        self._seen, self._clouds_time = {}, -math.inf
+        self._seen, self._unplaced, self._clouds_time = {}, {}, -math.inf
         for subscription in self._scene_subscriptions:
             self.destroy_subscription(subscription)
         self._scene_subscriptions = [self._subscribe_to_body(fusion, name) for name in fusion.tracked]
@@ -277,15 +278,19 @@ class Perception(HmapNode):
         if self._restarts == self._sensor_clock.restarts:
             return False
         self._restarts = self._sensor_clock.restarts
-        self._seen, self._clouds_time = {}, -math.inf
+        self._seen, self._unplaced, self._clouds_time = {}, {}, -math.inf
         watched.detected = DetectedObjects(watched.detected.scene)
         return True
 
     def _update_clouds(self, fusion: Fusion, picture: Picture) -> None:
+        self._unplaced.pop(picture.camera.name, None)
         for name, number in picture.names.items():
             body = fusion.scene.bodies.get(name)
             pose = fusion.pose_at(name, picture.time)
-            if body is None or body.kind is BodyKind.FIXED or pose is None:
+            if body is None or body.kind is BodyKind.FIXED:
+                continue
+            if pose is None:  # while nothing moves, no other picture may come
+                self._unplaced[picture.camera.name] = picture
                 continue
             mask = picture.mask == number
             cloud = cloud_from_depth(picture.depth, mask, picture.intrinsics, picture.camera.pose, pose)
@@ -319,6 +324,8 @@ class Perception(HmapNode):
         except InputError as error:
             self.set_status(error.reason, DiagnosticStatus.WARN)
             return
+        for picture in list(self._unplaced.values()):
+            self._update_clouds(fusion, picture)
         stamp = time_to_message(time)
         self._state.publish(state_to_message(fusion.scene, state, stamp, velocity))
         if self._standard is not None:
