@@ -12,7 +12,8 @@ from hmap.launcher.processes import MAX_STARTS, Graph
 from hmap_core.exceptions import Code, ExecutionError
 
 LIMIT = 60.0  # s on a busy machine
-STAND_IN = "import sys, time; print(*sys.argv[1:], flush=True); time.sleep(600)"
+# a signal just before a long sleep would be looked at after it
+STAND_IN = "import sys, time\nprint(*sys.argv[1:], flush=True)\nwhile True: time.sleep(0.05)"
 
 
 @pytest.fixture

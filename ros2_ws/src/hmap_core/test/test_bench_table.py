@@ -17,7 +17,7 @@ from scipy.stats import binomtest, bootstrap
 
 from hmap_core.cli import main
 from hmap_core.cli.bench_table import planner_names
-from hmap_core.evaluation import trials
+from hmap_core.evaluation import isolated, trials
 from hmap_core.evaluation.table import report
 from hmap_core.evaluation.table.log import TRIALS, TrialLog, key_of
 from hmap_core.evaluation.table.statistics import Cell, Verdict, compare, holm, success_interval
@@ -312,6 +312,7 @@ def test_a_method_of_ones_own_is_another_row(tmp_path, monkeypatch, capsys):
     (info / "entry_points.txt").write_text("\n".join(groups) + "\n")
     monkeypatch.syspath_prepend(str(site))
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(site), os.environ.get("PYTHONPATH", "")]))
+    monkeypatch.setattr(isolated, "_workers", threading.local())  # a worker of another test does not know the package
     out = tmp_path / "out"
     options = ["--tasks", "tunnel", "--planners", "hmap", "straight_line", "--seeds", "1", "--jobs", "1"]
     assert main(["bench", "table", *options, "--time-limit", "60", "--out", str(out)]) == 0

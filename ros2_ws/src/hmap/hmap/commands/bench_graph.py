@@ -10,15 +10,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hmap.environment import prepare_process
 from hmap.launcher.processes import COMPOSED, Graph
 from hmap_core.cli.main import count, seed_argument
 from hmap_core.command_line import keep_for_results
-from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import ExecutionError
-from hmap_core.types import Plan, SceneState
+
+if TYPE_CHECKING:  # slow to import
+    from hmap_core.contacts.camera import Cloud
+    from hmap_core.types import Plan, SceneState
 
 HELP = "measure the processor time of planning through the services of the nodes, against planning in one process"
 TASK, REPEATS = "tunnel", 5
@@ -43,13 +45,15 @@ class GraphPlan:
         cpu_s: process -> s of processor time that it has spent.
     """
 
-    plan: Plan
-    clouds: Mapping[str, Cloud]
+    plan: "Plan"
+    clouds: Mapping[str, "Cloud"]
     cpu_s: Mapping[str, float]
 
     @property
-    def state(self) -> SceneState:
+    def state(self) -> "SceneState":
         """Where everything was measured."""
+        from hmap_core.types import SceneState
+
         begin, moves = self.plan.scene.start_state(), self.plan.trajectory
         return SceneState(begin.q, {name: float(gap[0]) for name, gap in moves.gripper.items()}, begin.poses)
 
