@@ -12,8 +12,13 @@ from hmap.launcher.processes import MAX_STARTS, Graph
 from hmap_core.exceptions import Code, ExecutionError
 
 LIMIT = 60.0  # s on a busy machine
-# a signal just before a long sleep would be looked at after it
-STAND_IN = "import sys, time\nprint(*sys.argv[1:], flush=True)\nwhile True: time.sleep(0.05)"
+# SIGINT ends it at once, also where these tests run in the background of a shell, which lets it be ignored
+STAND_IN = """
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+print(*sys.argv[1:], flush=True)
+time.sleep(600)
+"""
 
 
 @pytest.fixture
