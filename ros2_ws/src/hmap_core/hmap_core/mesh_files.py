@@ -177,23 +177,23 @@ def _check_content(path: Path) -> None:
             raise _unusable(path, f"is not a mesh: it is {problem}")
 
 
-def _stl(path: Path) -> BytesIO:
+def _stl(path: Path) -> bytes:
     """The content of an STL file; of a binary one as many bytes as its header says, since trimesh allows no more."""
     data = path.read_bytes()
     count = int.from_bytes(data[STL_HEADER - 4 : STL_HEADER], "little")
     size = STL_HEADER + STL_TRIANGLE * count
     if count and size <= len(data):
-        return BytesIO(data[:size])
+        return data[:size]
     if b"facet" not in data.lower():
         raise ValueError(f"its header says {count} triangles, which are {size} bytes, and it has {len(data)}")
-    return BytesIO(data)
+    return data
 
 
 def _loader(path: Path) -> Callable[..., "trimesh.Trimesh"]:
     """Loads a file by trimesh, with its options; an OBJ file in plain text, since trimesh guesses at other text."""
     if path.suffix.lower() == ".stl":
         content = _stl(path)
-        return lambda **options: trimesh.load_mesh(BytesIO(content.getvalue()), file_type="stl", **options)
+        return lambda **options: trimesh.load_mesh(BytesIO(content), file_type="stl", **options)
     if path.suffix.lower() != ".obj":
         return partial(trimesh.load_mesh, path)
     text = clean_obj(path.read_text(encoding="utf-8", errors="replace"))

@@ -32,7 +32,8 @@ from hmap.naming import FORMATS
 from hmap.perception.frames import Frames
 from hmap.session import PLANNING_NODES, SERVICES
 from hmap_core.exceptions import HmapError
-from hmap_core.types import BodyKind, Scene
+from hmap_core.trajectory.samples import movable_bodies
+from hmap_core.types import Scene
 from hmap_msgs.msg import InstanceNames, WorldState
 from hmap_msgs.msg import Scene as SceneMessage
 from hmap_msgs_py.checks import ConversionError
@@ -188,7 +189,7 @@ class Examination:
 
     def _drivers_known(self, scene: Scene, names: Mapping[str, str]) -> bool:
         """Whether somebody offers what measures and moves the scene; discovery takes long on a busy machine."""
-        bodies = [names["body_pose"].format(body=body) for body in _movable(scene)]
+        bodies = [names["body_pose"].format(body=body) for body in movable_bodies(scene)]
         topics = all(self._view.node.count_publishers(topic) for topic in ("joint_states", *bodies))
         return topics and all(self._view.action(name)[1] for name, _, _ in _wanted_actions(scene, names))
 
@@ -198,7 +199,9 @@ class Examination:
         """Listen to poses of bodies and pictures; they by body and by camera."""
         if scene is None:
             return {}, {}
-        poses = {name: self._view.watch(names["body_pose"].format(body=name), PoseStamped) for name in _movable(scene)}
+        poses = {
+            name: self._view.watch(names["body_pose"].format(body=name), PoseStamped) for name in movable_bodies(scene)
+        }
         spaces = {name: names["camera"].format(camera=name) for name in scene.cameras}
         cameras = {
             name: {part: self._view.watch(f"{space}/{part}", kind) for part, kind in CAMERA.items()}
@@ -247,11 +250,6 @@ class Examination:
             types, servers = self._view.action(name)
             found = action_findings(name, action_kind(kind), types, servers, MODELS.format(key))
             self.findings += found or [Finding(OK, name)]
-
-
-def _movable(scene: Scene) -> list[str]:
-    """The bodies whose poses are measured."""
-    return [name for name, body in scene.bodies.items() if body.kind is not BodyKind.FIXED]
 
 
 def _wanted_actions(scene: Scene, names: Mapping[str, str]) -> list[tuple[str, str, type]]:

@@ -8,8 +8,9 @@ import numpy as np
 from hmap.perception.pictures import Picture
 from hmap_core.contacts.cloud import back_projected
 from hmap_core.kinematics.joint_poses import JointPoses
+from hmap_core.trajectory.samples import movable_bodies
 from hmap_core.transforms import apply, multiply
-from hmap_core.types import BodyKind, Scene, SceneState
+from hmap_core.types import Scene, SceneState
 from hmap_core.viewer.surfaces import body_surface, link_surfaces
 
 # A measured point belongs to the nearest known surface if that is not farther than this: m, and m for each m of depth.
@@ -47,7 +48,7 @@ class Segmentation:
             picture: whose mask is not used.
             state: at the time of the picture.
         """
-        names = [name for name, body in self._scene.bodies.items() if body.kind is not BodyKind.FIXED]
+        names = {name: number for number, name in enumerate(movable_bodies(self._scene), start=1)}
         rows, columns = np.nonzero(np.isfinite(picture.depth) & (picture.depth > 0.0))
         seen = back_projected(picture.depth, rows, columns, picture.intrinsics)
         reach = TOLERANCE + TOLERANCE_PER_DEPTH * seen[:, 2]
@@ -60,9 +61,9 @@ class Segmentation:
         if near.any():
             surfaces = list(self._placed(state))
             owner, distance = _nearest(points[near], surfaces)
-            numbers = np.array([names.index(name) + 1 if name in names else 0 for name, _ in surfaces])
+            numbers = np.array([names.get(name, 0) for name, _ in surfaces])
             mask[rows[near], columns[near]] = np.where(distance <= reach[near], numbers[owner], 0)
-        return replace(picture, mask=mask, names={name: k for k, name in enumerate(names, start=1)})
+        return replace(picture, mask=mask, names=names)
 
     def _placed(self, state: SceneState) -> Iterator[tuple[str, Triangles]]:
         """Every surface in the world frame, with the name of its body; robots have none."""

@@ -209,7 +209,7 @@ def block_between_violations(path, masks, chain, cols, blocks, resolution):
 
 @nb.njit(**OPTIONS)
 def _near(path, chain, cols, blocks, reach):
-    """:func:`near_pairs`, by number in the model that the blocks were made of."""
+    """:meth:`PairChecks.near`, by number in the model that the blocks were made of."""
     n, S = path.shape[1], cols.frame.shape[0]
     near = np.zeros(cols.a.shape[0], np.bool_)
     R, p, centers = np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3)), np.zeros((S, 3))
