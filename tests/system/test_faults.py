@@ -187,13 +187,21 @@ def test_an_operator_pauses_slows_and_stops_the_arm(cell):
     assert max(rests) < STOPPED
 
 
+MISSED = """
+import sys
+from hmap.nodes import supervisor
+supervisor.runs_already = lambda role: False
+sys.exit(supervisor.main())
+"""
+
+
 @pytest.mark.slow
-def test_a_second_supervisor_is_refused(cell):
-    done = subprocess.run(
-        [sys.executable, "-m", "hmap.nodes.supervisor"], capture_output=True, text=True, timeout=LIMIT
-    )
+@pytest.mark.parametrize("start", [("-m", "hmap.nodes.supervisor"), ("-c", MISSED)], ids=["found", "found late"])
+def test_a_second_supervisor_is_refused(cell, start):
+    done = subprocess.run([sys.executable, *start], capture_output=True, text=True, timeout=LIMIT)
     assert done.returncode == 2
     assert "another supervisor runs on this cell already" in done.stderr and "Traceback" not in done.stderr
+    assert cell.goal(plan_only=True).success, "the first supervisor works on"
 
 
 @pytest.mark.slow

@@ -24,6 +24,8 @@ from hmap.spinning import watch
 LEASE = 2.0  # s without a sign of life after which a node counts as dead
 MOTION_LEASE = 0.3  # s, of the supervisor: motions stop within 0.5 s of its death; each node gives signs more often
 CONFIRM = 0.1  # s in which a sign of life may still come that a busy process has not read yet
+SETTLED = 3.0 * MOTION_LEASE  # s after which a node that was seen to live, or not to, is believed to
+YOUNG = 10.0  # s after its start in which a node looks for another one that was there before
 PROBE, LONGEST_PROBE = 1.5, 20.0  # s to look for a node that runs already: where processors are free, and at most
 
 
@@ -48,6 +50,7 @@ class Heartbeat:
     Attributes:
         role: the name of the nodes where they are not renamed.
         alive: how many of them live; the watching node itself is not counted.
+        since: when the first of them was seen to live, in s of the steady clock; None where none does.
         lost: whether there was one, and none lives any more.
     """
 
@@ -68,6 +71,7 @@ class Heartbeat:
             lease: s without a sign of life after which one counts as dead, MOTION_LEASE or more.
         """
         self.role, self.alive, self.lost = role, 0, False
+        self.since: float | None = None
         self._on_loss = on_loss
         self.subscription = node.create_subscription(
             Empty,
@@ -81,6 +85,10 @@ class Heartbeat:
 
     def _changed(self, info: QoSLivelinessChangedInfo) -> None:
         before, self.alive = self.alive, int(info.alive_count)
+        if self.alive == 0:
+            self.since = None
+        elif self.since is None:
+            self.since = time.monotonic()
         self.lost = self.alive == 0 and (self.lost or before > 0)
         if self.alive == 0 and before > 0:
             confirming = threading.Timer(CONFIRM, self._confirm)
@@ -113,18 +121,38 @@ def runs_already(role: str, limit: float | None = None) -> bool:
         other, until = Heartbeat(node, role, lease=MOTION_LEASE), time.monotonic() + limit
         while (left := until - time.monotonic()) > 0.0 and not other.alive:
             executor.spin_once(left)
-        return other.alive > 0 and not _dies(executor, other)
+        return other.alive > 0 and _lives(executor, other)
     finally:
         executor.shutdown()
         node.destroy_node()
 
 
-def _dies(executor: SingleThreadedExecutor, other: Heartbeat) -> bool:
-    """Whether a node that seems to live was killed a moment ago."""
-    until = time.monotonic() + 3.0 * MOTION_LEASE
-    while (left := until - time.monotonic()) > 0.0 and other.alive:
-        executor.spin_once(left)
-    return not other.alive
+def _lives(executor: SingleThreadedExecutor, other: Heartbeat) -> bool:
+    """Whether a node that was seen lives, and was not killed a moment ago.
+
+    On a busy machine a sign of life can be late, so that the node counts as dead for a moment: it is what it stays.
+    """
+    began = since = time.monotonic()
+    lives = other.alive > 0
+    while (now := time.monotonic()) < since + SETTLED and now < began + LONGEST_PROBE:
+        executor.spin_once(since + SETTLED - now)
+        if (other.alive > 0) is not lives:
+            lives, since = not lives, time.monotonic()
+    return lives
+
+
+def was_there_before(other: Heartbeat, began: float) -> bool:
+    """Whether another node of one's own role ran already when this one started, although the search missed it.
+
+    Args:
+        other: the other nodes of the role.
+        began: when this node started, in s of the steady clock.
+
+    Returns:
+        True for the younger of two; for both, where they started within YOUNG s.
+    """
+    since = other.since
+    return since is not None and since < began + YOUNG and time.monotonic() > since + 2.0 * LEASE
 
 
 def _quality(lease: float) -> QoSProfile:

@@ -38,13 +38,14 @@ if TYPE_CHECKING:
 THREADS = 12  # per process; some callbacks wait for a response or for the end of a motion
 DIAGNOSTICS_PERIOD = 1.0  # s
 RETRY_PERIOD = 0.1  # s of waiting after an error that reached the executor
-LAUNCHER_PERIOD = 1.0  # s between two looks at whether the launcher lives
+LOOK_PERIOD = 1.0  # s between two looks at whether the launcher lives and the nodes can go on
 RCLError, UnknownROSArgsError = rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError
 YES, NO, BAD_INPUT = 0, 1, 2  # exit codes
 WARM_UP = "plan a small task while waiting, so that the first request is as fast as later ones"
 STARTING = "starting"  # the first status
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+FEEDBACK = QoSProfile(depth=200)  # of ``manipulate``: a plan is told in bursts, and a busy client reads them late
 
 
 def clock_time(node: Node) -> float | None:
@@ -62,6 +63,7 @@ class HmapNode(Node):
         group: of all callbacks.
         problems: what is wrong with messages, named once per cause.
         stopping: set at the shutdown.
+        failure: why the node cannot go on; its process ends with it. None while it can.
         spinner: spins the executor; None before the start.
     """
 
@@ -80,6 +82,7 @@ class HmapNode(Node):
             lambda text: self.get_logger().info(text),
         )
         self.stopping = threading.Event()
+        self.failure: HmapError | None = None
         self.spinner: Spinner | None = None
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._status: tuple[bytes, str, dict[str, Any]] = (DiagnosticStatus.OK, STARTING, {})
@@ -269,7 +272,9 @@ def run(make_node: NodeClass, args: list[str] | None = None) -> int:
 
 
 def run_nodes(make_nodes: Callable[[], Sequence[HmapNode]], plans: bool, args: list[str] | None = None) -> int:
-    """Run nodes in this process until SIGINT or SIGTERM, or until the launcher has died. Each has its own executor.
+    """Run nodes in this process until SIGINT or SIGTERM, until the launcher has died, or until a node cannot go on.
+
+    Each node has its own executor.
 
     rclpy's own signal handlers would shut the context down while callbacks run. Here the order is: callbacks, executor,
     node, context.
@@ -310,8 +315,9 @@ def run_nodes(make_nodes: Callable[[], Sequence[HmapNode]], plans: bool, args: l
         node.spinner = Spinner(executor, node.callback_failed)
     for node in nodes:
         node.started()
-    while not stop.wait(LAUNCHER_PERIOD) and not launcher_died():
+    while not stop.wait(LOOK_PERIOD) and not launcher_died() and not any(node.failure for node in nodes):
         pass
+    failures = [node.failure for node in nodes if node.failure is not None]
     for node in nodes:
         node.close()
     for node in nodes:
@@ -322,7 +328,9 @@ def run_nodes(make_nodes: Callable[[], Sequence[HmapNode]], plans: bool, args: l
     del nodes, node, executor
     gc.collect()  # what refers to itself would keep the middleware's participant, and its shared memory, to the end
     rclpy.shutdown()
-    return YES
+    for failure in failures:
+        print(failure, file=sys.stderr)
+    return BAD_INPUT if failures else YES
 
 
 def launcher_died() -> bool:

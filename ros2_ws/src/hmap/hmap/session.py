@@ -25,7 +25,7 @@ from hmap.conversions import scene_from_message, scene_to_message, state_from_me
 from hmap.environment import ros_environment
 from hmap.heartbeats import Heartbeat
 from hmap.manipulation_goal import Feedback, GoalInProgress, Result
-from hmap.node import LATCHED
+from hmap.node import FEEDBACK, LATCHED
 from hmap.requests import error_from_message
 from hmap.spinning import MessageExecutor, Spinner
 from hmap_core.exceptions import Code, InputError, PlannerError
@@ -106,7 +106,9 @@ class Session:
         self.node: Node = self._own_node(name, namespace, args) if node is None else node
         self._group = ReentrantCallbackGroup()
         self._services: dict[str, Client] = {}
-        self._client = ActionClient(self.node, Manipulate, "manipulate", callback_group=self._group)
+        self._client = ActionClient(
+            self.node, Manipulate, "manipulate", callback_group=self._group, feedback_sub_qos_profile=FEEDBACK
+        )
         self._supervisor = Heartbeat(self.node, "supervisor", self._group)
         topics = (
             (SceneMessage, "scene", self._take_scene, LATCHED),

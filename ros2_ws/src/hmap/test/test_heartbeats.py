@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 import rclpy
@@ -15,7 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from hmap import heartbeats
 from hmap.environment import ros_environment
-from hmap.heartbeats import MOTION_LEASE, Heartbeat, runs_already
+from hmap.heartbeats import LEASE, MOTION_LEASE, SETTLED, YOUNG, Heartbeat, runs_already, was_there_before
 from hmap.node import HmapNode
 from hmap.requests import Caller
 from hmap.spinning import Spinner
@@ -179,6 +180,54 @@ def test_a_second_node_of_a_role_is_noticed_and_one_that_was_killed_is_not(node,
     assert runs_already("supervisor", LIMIT)
     process.kill()
     assert not runs_already("supervisor")
+
+
+class Signs:
+    """An executor and a clock: signs of life come and stop at given times."""
+
+    def __init__(self, changes: dict[float, int]):
+        self.now, self.alive, self._changes = 0.0, 1, dict(changes)
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def spin_once(self, timeout: float) -> None:
+        until = self.now + timeout
+        at = min((at for at in self._changes if at <= until), default=None)
+        self.now = until if at is None else at
+        self.alive = self._changes.pop(at, self.alive)
+
+
+@pytest.mark.parametrize(
+    ("changes", "lives"),
+    [
+        ({}, True),
+        ({0.2: 0}, False),
+        ({0.2: 0, 0.3: 1}, True),
+        ({0.2: 0, 0.2 + SETTLED / 2: 1, 0.8: 0}, False),
+        ({0.2 * i: i % 2 for i in range(1, 300)}, False),
+    ],
+    ids=["lives", "killed", "late sign", "late sign, then killed", "never settles"],
+)
+def test_a_late_sign_of_life_is_not_a_death(monkeypatch, changes, lives):
+    signs = Signs(changes)
+    monkeypatch.setattr(heartbeats, "time", signs)
+    assert heartbeats._lives(signs, signs) is lives
+    assert signs.now <= heartbeats.LONGEST_PROBE + SETTLED
+
+
+@pytest.mark.parametrize(
+    ("since", "now", "before"),
+    [
+        (None, 100.0, False),
+        (0.5, 0.6, False),  # may have been killed a moment ago
+        (0.5, 0.6 + 2.0 * LEASE, True),
+        (YOUNG + 1.0, 100.0, False),  # the other one is the younger
+    ],
+)
+def test_the_younger_of_two_makes_way(monkeypatch, since, now, before):
+    monkeypatch.setattr(heartbeats, "time", SimpleNamespace(monotonic=lambda: now))
+    assert was_there_before(SimpleNamespace(since=since), 0.0) is before
 
 
 @pytest.mark.parametrize(("load", "limit"), [(0.1, 1.5), (2.0, 1.5), (8.0, 6.0), (1000.0, 20.0)])

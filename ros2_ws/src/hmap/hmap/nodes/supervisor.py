@@ -13,9 +13,9 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 
 from hmap.conversions import known_object, plan_to_message
-from hmap.heartbeats import Heartbeat, runs_already
+from hmap.heartbeats import Heartbeat, runs_already, was_there_before
 from hmap.naming import Naming
-from hmap.node import LATCHED, HmapNode, run
+from hmap.node import FEEDBACK, LATCHED, LOOK_PERIOD, HmapNode, run
 from hmap.perception.pose_filter import POSE_NOISE
 from hmap.remote_components import remote_components
 from hmap.requests import OFFERED_BY, Caller, time_limit
@@ -96,6 +96,7 @@ class Supervisor(HmapNode):
         if runs_already("supervisor"):
             raise InputError(SECOND)
         super().__init__("supervisor")
+        self._began = time.monotonic()
         self._others = Heartbeat(self, "supervisor", self.group)
         self._naming = Naming(self, "arm_joint", "arm_action", "gripper_action")
         self._time_limit = self.parameter(
@@ -140,10 +141,17 @@ class Supervisor(HmapNode):
             "manipulate",
             self._execute,
             callback_group=self.group,
+            feedback_pub_qos_profile=FEEDBACK,
             goal_callback=lambda _: GoalResponse.ACCEPT,
             cancel_callback=self._cancel,
         )
+        self.every(LOOK_PERIOD, self._make_way)
         self._say(None, PlannerStatus.IDLE, "waiting for a goal")
+
+    def _make_way(self) -> None:
+        """End where another supervisor was there before."""
+        if was_there_before(self._others, self._began):
+            self.failure = InputError(SECOND)
 
     # the operator
 
