@@ -1,5 +1,6 @@
 """A cell of stand-ins of drivers and the nodes for real robots, for the tests and for runs by hand."""
 
+import argparse
 import os
 import subprocess
 import sys
@@ -84,19 +85,29 @@ class StandInCell:
 
 
 @contextmanager
-def stand_in_cell(task: str, drivers: list[str], folder: Path, names: dict[str, str], **supervisor):
+def stand_in_cell(
+    task: str,
+    drivers: list[str],
+    folder: Path,
+    names: dict[str, str],
+    record: bool = False,
+    composed: bool = False,
+    **supervisor,
+):
     """A running cell.
 
     Args:
         task: name or file of the task.
         drivers: whose parameter files are used.
-        folder: for logs and the cell file.
+        folder: for logs, the cell file and the bag.
         names: further parameters of all nodes and of the stand-ins.
+        record: whether a bag is written.
+        composed: whether supervisor and planners share one process.
         supervisor: parameters of it.
     """
     from ruamel.yaml import YAML
 
-    content = {"task": task, "drivers": drivers, "record": False}
+    content = {"task": task, "drivers": drivers, "record": record}
     content["parameters"] = {"perception": dict(names), "supervisor": dict(names) | supervisor}
     file = folder / "cell.yaml"
     with file.open("w") as out:
@@ -113,7 +124,7 @@ def stand_in_cell(task: str, drivers: list[str], folder: Path, names: dict[str, 
     )
     try:
         with Graph(folder / "logs") as graph, Session() as session:
-            start(graph, cell, folder)
+            start(graph, cell, folder, one_process=composed)
             found = StandInCell(graph, session)
             found.wait_until_measuring()
             yield found
@@ -125,18 +136,23 @@ def stand_in_cell(task: str, drivers: list[str], folder: Path, names: dict[str, 
 
 def main() -> int:
     """Solve the tunnel some times, with two arms; prints how often."""
-    runs, solved = int(sys.argv[1]) if len(sys.argv) > 1 else 5, 0
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("runs", type=int, nargs="?", default=5)
+    parser.add_argument("--composed", action="store_true", help="supervisor and planners in one process")
+    parser.add_argument("--out", type=Path, help="keep logs and bags in this folder")
+    arguments, solved = parser.parse_args(), 0
     with tempfile.TemporaryDirectory() as folder:
-        for k in range(runs):
-            place = Path(folder) / str(k)
-            place.mkdir()
+        for k in range(arguments.runs):
+            place = (arguments.out or Path(folder)) / str(k)
+            place.mkdir(parents=True)
             names = {"names.body_pose": "vrpn_mocap/{body}/pose", "gripper_position": "gap"}
-            with stand_in_cell("tunnel", ["ros2_control", "vrpn_mocap"], place, names) as cell:
+            drivers, recorded = ["ros2_control", "vrpn_mocap"], arguments.out is not None
+            with stand_in_cell("tunnel", drivers, place, names, recorded, arguments.composed) as cell:
                 result = cell.goal()
                 solved += result.success
                 print(f"run {k}: {'solved' if result.success else result.error}", flush=True)
-    print(f"{solved} of {runs} solved")
-    return 0 if solved == runs else 1
+    print(f"{solved} of {arguments.runs} solved")
+    return 0 if solved == arguments.runs else 1
 
 
 if __name__ == "__main__":

@@ -10,13 +10,14 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from hmap.launcher.cell import read_cell
+from hmap.launcher.cell import Cell, composed, read_cell
+from hmap.launcher.processes import RESPAWN_PATIENCE, assignments
 
-PLANNERS = ("waypoint_planner", "contact_proposer", "komo_optimiser")
-RESPAWN_PATIENCE = 30.0  # s that the supervisor waits for a node that is started anew
 ARGUMENTS = {
     "cell": ("", "the cell file"),
     "dry_run": ("false", "plan and show, and never move anything"),
+    "composed": ("false", "supervisor and planners in one process, without services between them"),
+    "viewer": ("true", "offer the page for the browser"),
     "bag": ("bag", "folder of the bag; must not exist yet"),
 }
 
@@ -30,16 +31,29 @@ def generate_launch_description() -> LaunchDescription:
 def _nodes(context) -> list[Node]:
     value = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     cell = read_cell(Path(value["cell"]))
+    nodes = [_node("perception", cell, cell.of("perception"), respawn=True)]
+    supervisor = {"dry_run": True} if _yes(value["dry_run"]) else {}
     patience = {"service_patience": RESPAWN_PATIENCE, "state_patience": RESPAWN_PATIENCE}
-    dry = {"dry_run": True} if value["dry_run"] == "true" else {}
-    supervisor = cell.of("supervisor", warm_up=True, **patience) | dry
-    nodes = [_node("perception", cell, cell.of("perception"), respawn=True), _node("supervisor", cell, supervisor)]
-    nodes += [_node(name, cell, cell.of(name, warm_up=True), respawn=True) for name in PLANNERS]
+    parameters = cell.of_planning(supervisor)
+    parameters["supervisor"] = patience | parameters["supervisor"]
+    if _yes(value["composed"]):
+        # without a name, which would become that of all nodes in the process; what is given last wins
+        given = [word for file in cell.files for word in ("--params-file", str(file))]
+        given += [word for text in assignments(composed(parameters)) for word in ("-p", text)]
+        nodes.append(Node(package="hmap", executable="composed_planning", ros_arguments=given, output="screen"))
+    else:
+        nodes += [_node(name, cell, table, respawn=name != "supervisor") for name, table in parameters.items()]
     if cell.record:
         nodes.append(_node("recorder", cell, cell.of("recorder", path=value["bag"]), respawn=False))
+    if _yes(value["viewer"]):
+        nodes.append(_node("viewer", cell, cell.of("viewer"), respawn=True))
     return nodes
 
 
-def _node(name: str, cell, parameters: dict, **more) -> Node:
+def _yes(text: str) -> bool:
+    return text.lower() in ("true", "1")
+
+
+def _node(name: str, cell: Cell, parameters: dict, **more) -> Node:
     files = [str(file) for file in cell.files]
     return Node(package="hmap", executable=name, name=name, parameters=[*files, parameters], output="screen", **more)

@@ -1,9 +1,12 @@
 """Cell files are read strictly, and their parameters reach the nodes."""
 
+from pathlib import Path
+
 import pytest
 
-from hmap.launcher.cell import read_cell
-from hmap.launcher.processes import node_command
+from hmap.commands.cell import start
+from hmap.launcher.cell import PLANNING, read_cell
+from hmap.launcher.processes import NodeProcess, node_command
 from hmap_core.exceptions import InputError
 
 
@@ -53,3 +56,26 @@ def test_wrong_cell_files_are_refused_with_file_and_key(tmp_path, text, says):
 def test_a_cell_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(InputError, match="none.yaml: cannot be read"):
         read_cell(tmp_path / "none.yaml")
+
+
+class Started(dict):
+    """In place of a graph: process -> its command line."""
+
+    def start(self, name, parameters=None, files=()):
+        process = NodeProcess(name, parameters or {}, Path(name), files)
+        self[name] = process.command()
+
+
+def test_supervisor_and_planners_share_a_process_and_keep_their_own_parameters(tmp_path):
+    cell = read(tmp_path, "{task: tunnel, drivers: vrpn_mocap, parameters: {komo_optimiser: {warm_up: false}}}")
+    apart, together = Started(), Started()
+    start(apart, cell, tmp_path, {"dry_run": True})
+    start(together, cell, tmp_path, {"dry_run": True}, one_process=True)
+    assert apart.keys() == {"recorder", "perception", *PLANNING}
+    assert together.keys() == {"recorder", "perception", "composed_planning"}
+    words = together["composed_planning"]
+    assert {"supervisor:dry_run:=true", "supervisor:service_patience:=30.0", "supervisor:use_sim_time:=false"} < {
+        *words
+    }
+    assert {"komo_optimiser:warm_up:=false", "waypoint_planner:warm_up:=true"} < {*words}
+    assert "dry_run:=true" in apart["supervisor"] and words.index("--params-file") < words.index("-p")

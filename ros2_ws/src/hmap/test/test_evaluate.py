@@ -76,13 +76,22 @@ class Record:
         self.write("/plan", 9.8, plan_to_message(self.plan, time_to_message(9.8)))
         self.status(BEGIN, "execution", PLANNING)
 
-    def executed(self, share: float = 1.0, wire: str = "") -> float:
-        """Follow a share of the plan; returns the time of its end."""
+    def executed(self, share: float = 1.0, wire: str = "", states_every: int = 1, begin: float = 0.0) -> float:
+        """Follow a share of the plan; returns the time of its end.
+
+        Args:
+            share: of the plan.
+            wire: pattern of the joints' names in ``joint_states``; without it, there are only world states.
+            begin: share of the plan at which it begins.
+            states_every: with ``wire`` and if not 1, a world state comes with every so many joint states.
+        """
         time = self.plan.trajectory.time
         joints = self.plan.scene.robots[ROBOT].model.joint_names
-        for k in range(0, int(share * len(time)), STEP):
+        for k in range(STEP * round(begin * len(time) / STEP), int(share * len(time)), STEP):
             at, state = BEGIN + self.slower * time[k], state_at(self.plan, k)
             state.poses["box"] = state.poses["box"] + self.offset
+            if wire and k % (STEP * states_every) == 0 and states_every > 1:
+                self.write("/world_state", at, state_to_message(self.plan.scene, state, time_to_message(at)))
             if wire:
                 names = [wire.format(number=i + 1) for i in range(len(joints))]
                 message = JointState(name=names, position=state.q[ROBOT].tolist())
@@ -144,6 +153,22 @@ def test_a_run_of_hardware_without_a_world_state(tmp_path):
     assert any("/world_state (without it: " in text for text in found.missing)
 
 
+def test_joints_that_come_more_often_than_states_give_lengths_and_jerk(tmp_path):
+    record = Record(tmp_path / "bag")
+    record.planned()
+    record.status(record.executed(wire="joint{number}", states_every=15), "done", 20.0)
+    record.writer.close()
+    (run,) = runs_in(open_bag(tmp_path / "bag"))
+    assert len(run.joints.time) > 10 * len(run.measured.time) and np.diff(run.joints.time).min() > 0.019
+    solved(tmp_path / "often")
+    found, often = recorded.measure(run), metrics(tmp_path / "often", judge=True)
+    assert found.jerk_rad_s3 == pytest.approx(often.jerk_rad_s3, rel=0.2)
+    for name in ("joint_path_rad", "tip_path_m", "moving_s"):
+        assert getattr(found, name) == pytest.approx(getattr(often, name), rel=0.05), name
+    # between states that are a second apart, the motion is not a straight line
+    assert found.clearance_m == pytest.approx(often.clearance_m, abs=5e-4)
+
+
 def test_a_failed_run_and_what_was_missing(tmp_path):
     record = Record(tmp_path / "bag")
     record.planned(scene=False)
@@ -169,6 +194,32 @@ def test_the_bag_of_a_killed_recorder_is_cut_off(tmp_path):
     assert found.outcome == "cut off" and "phase 'execution'" in found.reason
     assert found.goal_error_m is None  # nobody knows where it ended
     assert found.joint_path_rad > 0.2 and any("no index" in text for text in found.missing)
+
+
+def test_a_run_goes_on_in_the_bag_of_the_recorder_that_was_started_anew(tmp_path):
+    record = Record(tmp_path / "open")
+    record.planned()
+    record.executed(0.5)
+    record.writer.flush()
+    shutil.copytree(tmp_path / "open", tmp_path / "bag")
+    rest = Record(tmp_path / "bag-2")
+    rest.write("/scene", 12.6, scene_to_message(rest.plan.scene))
+    rest.write("/plan", 12.6, plan_to_message(rest.plan, time_to_message(9.8)))  # latched
+    rest.status(12.6, "execution", PLANNING + 2.6)
+    end = rest.executed(begin=0.55)
+    rest.status(end, "done", PLANNING + end - BEGIN)
+    rest.writer.close()
+    solved(tmp_path / "whole")
+    whole = metrics(tmp_path / "whole", judge=True)
+    found, problems = evaluate_command.measured([tmp_path / "bag", tmp_path / "bag-2"])
+    assert [(m.outcome, m.plans) for m in found] == [("solved", 1)] and not problems
+    assert any("the run goes on in" in text and "bag-2" in text for text in found[0].missing)
+    for name in ("planning_s", "execution_s", "joint_path_rad", "contact_switches", "goal_error_m"):
+        assert getattr(found[0], name) == pytest.approx(getattr(whole, name), rel=0.02), name
+    alone = metrics(tmp_path / "bag-2", judge=True)
+    assert alone.outcome == "solved" and alone.execution_s is None and alone.contact_switches is None
+    assert alone.drift_joints_rad < 1e-6 and alone.clearance_m == pytest.approx(whole.clearance_m, abs=1e-3)
+    assert any("begins in the phase 'execution'" in text for text in alone.missing)
 
 
 def test_several_goals_in_one_bag(tmp_path):
@@ -201,6 +252,22 @@ def test_a_bag_without_a_run_is_refused_with_what_it_lacks(tmp_path):
 )
 def test_joints_are_found_by_the_names_of_drivers(names, alone, found):
     assert wire_names("left", ["a", "b"], set(names), alone) == found
+
+
+def finished(number: int, seed: int, outcome: str = "solved", **values) -> recorded.RunMetrics:
+    return recorded.RunMetrics(f"runs/{number}/bag", 1, "tunnel", seed, outcome, **values)
+
+
+def test_runs_that_were_cut_off_do_not_shorten_the_means_and_are_numbered_in_what_is_told():
+    runs = [finished(1, 0, execution_s=20.0), finished(2, 1, execution_s=22.0)]
+    runs.append(finished(3, 2, "cut off", reason="the bag ends", execution_s=1.0, missing=["no index"]))
+    (line,) = [line for line in recorded.intervals(runs) if line.startswith("execution_s")]
+    assert line.split()[1] == "21" and line.endswith("n=2, those that ended well")
+    assert recorded.remarks(runs) == ["run 3: cut off: the bag ends", "run 3: missing: no index"]
+    assert recorded.remarks([finished(k, 0, missing=["no scene"]) for k in (1, 2)]) == ["all runs: missing: no scene"]
+    assert recorded.names_of(runs) == ["1", "2", "3"]
+    assert recorded.names_of([runs[0], replace(runs[0], goal=2)]) == ["1", "1 #2"]
+    assert [row.split()[0] for row in recorded.table(runs)[1:]] == ["1", "2", "3"]
 
 
 # the commands
@@ -236,6 +303,7 @@ def test_compare_refuses_to_conclude_on_two_runs_each(tmp_path, commands, capsys
     assert main(["compare", str(tmp_path / "a"), str(tmp_path / "b"), "--no-clearance"]) == 1
     text = capsys.readouterr().out
     assert "too few runs to conclude anything" in text and "1.2" in text
+    assert "1 pair of the same task and seed; with 8" in text
 
 
 def test_compare_finds_a_slower_set_in_files_of_evaluate(tmp_path, commands, capsys):
@@ -248,9 +316,23 @@ def test_compare_finds_a_slower_set_in_files_of_evaluate(tmp_path, commands, cap
         (tmp_path / f"{name}.json").write_text(json.dumps({"runs": [run.to_dict() for run in runs]}))
     assert main(["compare", str(tmp_path / "a.json"), str(tmp_path / "b.json"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["differing"] == ["execution_s"]
+    main(["compare", str(tmp_path / "a.json"), str(tmp_path / "b.json")])
+    assert "6 pairs of the same task and seed" in capsys.readouterr().out
     (tmp_path / "a.json").write_text("{}")
     assert main(["compare", str(tmp_path / "a.json"), str(tmp_path / "b.json")]) == 2
     assert "is no file of `hmap evaluate --json`" in capsys.readouterr().err
+
+
+def test_compare_finds_a_slower_set_by_pairs_where_tasks_differ_more_than_the_sets(tmp_path, commands, capsys):
+    for name, scale in (("a", 1.0), ("b", 1.2)):
+        runs = [
+            finished(k, k, execution_s=scale * t) for k, t in enumerate((15.0, 24.0, 18.0, 33.0, 20.0, 9.0, 40.0, 12.0))
+        ]
+        (tmp_path / f"{name}.json").write_text(json.dumps({"runs": [run.to_dict() for run in runs]}))
+    assert main(["compare", str(tmp_path / "a.json"), str(tmp_path / "b.json")]) == 0
+    text = capsys.readouterr().out
+    assert "they differ in execution_s" in text and "1.200" in text and "8 pairs" in text
+    assert "of the same task and seed" not in text
 
 
 def test_bag_check_says_what_is_missing(tmp_path, commands, capsys):

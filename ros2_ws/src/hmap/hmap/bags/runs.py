@@ -9,7 +9,7 @@ import numpy as np
 from hmap.bags.reader import Bag, Message
 from hmap.conversions import plan_from_message, scene_from_message
 from hmap_core.evaluation.executed import Measured
-from hmap_core.evaluation.recorded import RecordedRun, Status
+from hmap_core.evaluation.recorded import LATE, RecordedRun, Status
 from hmap_core.exceptions import HmapError, InputError
 from hmap_core.types import Plan, Scene
 from hmap_msgs_py.checks import ConversionError
@@ -32,6 +32,7 @@ NEEDED = {
 IDLE, ENDED = "idle", ("done", "failed")
 POSE = "geometry_msgs/msg/PoseStamped"
 WARN = 1  # level of diagnostics
+JOINT_PERIOD = 0.02  # s between two joint states that are used, at least: what moves slowly differs from noise
 FINGERS = re.compile("finger|gripper|knuckle")
 
 
@@ -72,17 +73,22 @@ def runs_in(bag: Bag) -> list[RecordedRun]:
     problems: list[str] = []
     plans = _plans(by_topic.get(PLAN, []), problems)
     scenes = _scenes(by_topic.get(SCENE, []), problems)
-    measured = _measured(by_topic, bag, plans, scenes, problems)
+    last = plans[-1][1].scene if plans else (scenes[-1][1] if scenes else None)
+    joints = _joints(by_topic.get(JOINTS, []), last, [] if by_topic.get(STATE) else problems)
+    measured = _measured(by_topic, bag, last, joints, problems)
     found = []
     for number, goal in enumerate(goals, 1):
-        begin, end = goal[0].time, goals[number][0].time if number < len(goals) else np.inf
+        # a recorder that is started in the middle of a goal gets its plan, which is latched, at once
+        begin = goal[0].time if number > 1 or goal[0].elapsed <= LATE else -np.inf
+        end = goals[number][0].time if number < len(goals) else np.inf
         own = [(time, plan) for time, plan in plans if begin - 1e-9 <= time < end]
         scene = next((scene for time, scene in reversed(scenes) if time <= goal[-1].time), None)
         scene = own[0][1].scene if own else scene
         faults = _faults(goal, by_topic.get(DIAGNOSTICS, []))
         lacks = (*missing, *bag.problems, *problems)
         task, seed = (scene.task, scene.seed) if scene is not None else ("", None)
-        found.append(RecordedRun(str(bag.path), number, task, seed, tuple(goal), tuple(own), measured, faults, lacks))
+        run = RecordedRun(str(bag.path), number, task, seed, tuple(goal), tuple(own), measured, joints, faults, lacks)
+        found.append(run)
     return found
 
 
@@ -147,18 +153,14 @@ def _faults(goal: Sequence[Status], diagnostics: Sequence[Message]) -> tuple[str
 def _measured(
     by_topic: Mapping[str, Sequence[Message]],
     bag: Bag,
-    plans: Sequence[tuple[float, Plan]],
-    scenes: Sequence[tuple[float, Scene]],
+    scene: Scene | None,
+    joints: Measured | None,
     problems: list[str],
 ) -> Measured | None:
     """From ``world_state``, else from ``joint_states`` and what poses there are."""
     if by_topic.get(STATE):
         return _from_states(by_topic[STATE], problems)
-    scene = plans[-1][1].scene if plans else (scenes[-1][1] if scenes else None)
-    if scene is None or not by_topic.get(JOINTS):
-        return None
-    joints = _from_joints(by_topic[JOINTS], scene, problems)
-    if joints is None:
+    if scene is None or joints is None:
         return None
     poses = {}
     for topic, messages in by_topic.items():
@@ -206,8 +208,10 @@ def _from_states(messages: Sequence[Message], problems: list[str]) -> Measured:
     return Measured(np.array(time), *tables)
 
 
-def _from_joints(messages: Sequence[Message], scene: Scene, problems: list[str]) -> Measured | None:
-    """The joints of ``joint_states`` by name; without openings."""
+def _joints(messages: Sequence[Message], scene: Scene | None, problems: list[str]) -> Measured | None:
+    """The joints of ``joint_states`` by name, JOINT_PERIOD apart at least; without openings and poses."""
+    if scene is None or not messages:
+        return None
     names = {name for message in messages for name in message.data.name}
     wanted = {}
     for robot, placed in scene.robots.items():
@@ -221,7 +225,8 @@ def _from_joints(messages: Sequence[Message], scene: Scene, problems: list[str])
     rows: dict[str, list] = {robot: [] for robot in wanted}
     for at, data in _increasing([(_seconds(m.data.header.stamp), m.data) for m in messages]):
         now.update({n: p for n, p in zip(data.name, data.position, strict=False) if np.isfinite(p)})
-        if all(name in now for found in wanted.values() for name in found):
+        late = not time or at >= time[-1] + JOINT_PERIOD - 1e-6
+        if late and all(name in now for found in wanted.values() for name in found):
             time.append(at)
             for robot, found in wanted.items():
                 rows[robot].append([now[name] for name in found])

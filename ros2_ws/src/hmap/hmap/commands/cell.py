@@ -5,12 +5,14 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 from hmap.environment import prepare_process
-from hmap.launcher.cell import Cell, read_cell
+from hmap.launcher.cell import Cell, composed, read_cell
+from hmap.launcher.ports import free_port
 from hmap.launcher.processes import Graph, output_folder
-from hmap_core.cli.main import positive
+from hmap_core.cli.main import port_number, positive
 from hmap_core.command_line import keep_for_results
 from hmap_core.compile_cache import ensure_compiled
 from hmap_core.exceptions import Code, PlannerError
@@ -20,7 +22,8 @@ RESTARTS = True  # see hmap_core.cli.main
 START_LIMIT = 120.0  # s for the planners to be up
 POLL = 0.1  # s
 LISTEN = 2.0  # s
-PLANNERS = ("komo_optimiser", "supervisor", "contact_proposer", "waypoint_planner")
+LOCALHOST, PAGE_PORT = "127.0.0.1", 8080
+COMPOSED = "composed_planning"  # the process with supervisor and planners
 YES, NO = 0, 1  # exit codes
 BAG = "bag"  # folder of the bag in that of the run
 
@@ -32,6 +35,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--dry-run", action="store_true", help="plan and show, and never move anything")
     scaling = "of planned speeds while robots move, in (0, 1] (1, or what the cell file says)"
     parser.add_argument("--speed-scaling", type=positive, metavar="X", help=scaling)
+    text = "supervisor and planners in one process, without services between them: planning costs less, and no planner "
+    text += "is started anew"
+    parser.add_argument("--composed", action="store_true", help=text)
+    parser.add_argument("--no-viewer", action="store_true", help="do not offer the page for the browser")
+    text = f"of the page, or the next free one ({PAGE_PORT})"
+    parser.add_argument("--port", type=port_number, default=PAGE_PORT, metavar="N", help=text)
     parser.add_argument("--check", action="store_true", help="look at everything, and end; exit code 0 if all is well")
 
 
@@ -58,13 +67,19 @@ def run(arguments: argparse.Namespace) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     with Graph(folder / "logs") as graph:
-        start(graph, cell, folder, arguments.dry_run, arguments.speed_scaling)
+        supervisor = {"dry_run": True} if arguments.dry_run else {}
+        supervisor |= {} if arguments.speed_scaling is None else {"speed_scaling": arguments.speed_scaling}
+        start(graph, cell, folder, supervisor, arguments.composed)
         _wait_until_up(graph, stop)
         if stop.is_set():
             return YES
         well = _look()
         if arguments.check:
             return YES if well else NO
+        if not arguments.no_viewer:
+            port = free_port(LOCALHOST, arguments.port)
+            graph.start("viewer", cell.of("viewer", port=port), cell.files)
+            print(f"page: http://{LOCALHOST}:{port}", flush=True)
         print(f"the nodes run; their logs are in {folder / 'logs'}; Ctrl-C ends them", flush=True)
         while not stop.wait(POLL):
             for text in graph.news():
@@ -73,17 +88,27 @@ def run(arguments: argparse.Namespace) -> int:
     return YES
 
 
-def start(graph: Graph, cell: Cell, folder: Path, dry_run: bool = False, speed: float | None = None) -> None:
-    """Start the nodes of a cell."""
+def start(
+    graph: Graph, cell: Cell, folder: Path, supervisor: Mapping[str, object] | None = None, one_process: bool = False
+) -> None:
+    """Start the nodes of a cell.
+
+    Args:
+        graph: of them.
+        cell: what the cell file says.
+        folder: of the run, for the bag.
+        supervisor: parameters of it that win over those of the cell file.
+        one_process: whether supervisor and planners share one.
+    """
     if cell.record:
         graph.start("recorder", cell.of("recorder", path=folder / BAG), cell.files)
     graph.start("perception", cell.of("perception"), cell.files)
-    for name in PLANNERS:
-        parameters = cell.of(name, warm_up=True)
-        if name == "supervisor":
-            parameters |= {"dry_run": True} if dry_run else {}
-            parameters |= {} if speed is None else {"speed_scaling": speed}
-        graph.start(name, parameters, cell.files)
+    parameters = cell.of_planning(supervisor or {})
+    if one_process:
+        graph.start(COMPOSED, composed(parameters), cell.files)
+        return
+    for name, values in parameters.items():
+        graph.start(name, values, cell.files)
 
 
 def _wait_until_up(graph: Graph, stop: threading.Event) -> None:

@@ -42,6 +42,8 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"they differ in {', '.join(differing)} (p < {comparison.ALPHA:g} each)")
     else:
         print(f"no difference found (p < {comparison.ALPHA:g} for none)")
+    if text := comparison.remark(*sets):
+        print(text)
     return YES if enough else NO
 
 

@@ -39,11 +39,8 @@ def run(arguments: argparse.Namespace) -> int:
         return YES if metrics else NO
     for line in recorded.table(metrics) if metrics else ():
         print(line)
-    for m in metrics:
-        for entry in (*[f"fault: {text}" for text in m.faults], *[f"missing: {text}" for text in m.missing]):
-            print(f"  {m.bag}: {entry}")
-    for problem in problems:
-        print(f"  {problem}")
+    for line in (*recorded.remarks(metrics), *problems):
+        print(f"  {line}")
     if len(metrics) > 1:
         print()
         print("\n".join(recorded.intervals(metrics)))
@@ -56,6 +53,7 @@ def measured(paths: Sequence[Path], judge: bool = True):
     Raises:
         InputError: there is no bag at a path.
     """
+    from hmap.bags.parts import joined
     from hmap.bags.reader import open_bag
     from hmap.bags.runs import runs_in
     from hmap_core.evaluation.recorded import measure
@@ -66,12 +64,12 @@ def measured(paths: Sequence[Path], judge: bool = True):
         if sys.stderr.isatty():
             print(f"\r{number} of {len(folders)}: {folder}", end="\033[K", file=sys.stderr, flush=True)
         try:
-            found += [measure(recorded_run, judge) for recorded_run in runs_in(open_bag(folder))]
+            found += runs_in(open_bag(folder))
         except InputError as error:
             problems.append(error.reason)
     if sys.stderr.isatty():
         print("\r\033[K", end="", file=sys.stderr)
-    return found, problems
+    return [measure(recorded_run, judge) for recorded_run in joined(found)], problems
 
 
 def bags_at(path: Path) -> list[Path]:

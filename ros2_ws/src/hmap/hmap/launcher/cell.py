@@ -13,6 +13,7 @@ from hmap_core.exceptions import InputError
 
 KEYS = ("task", "seed", "drivers", "parameters", "record")
 NODES = ("perception", "komo_optimiser", "supervisor", "contact_proposer", "waypoint_planner", "recorder", "viewer")
+PLANNING = ("komo_optimiser", "supervisor", "contact_proposer", "waypoint_planner")
 DRIVERS = ("franka_ros2", "ros2_control", "realsense2_camera", "vicon_receiver", "vrpn_mocap")
 
 
@@ -38,6 +39,17 @@ class Cell:
         """The parameters of a node; those of the cell file win."""
         scene = {"task": self.task, "seed": self.seed} if node == "perception" else {}
         return {"use_sim_time": False} | scene | more | dict(self.parameters.get(node, {}))
+
+    def of_planning(self, supervisor: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+        """The parameters of each planning node, and of the supervisor those that are given: they win."""
+        found = {node: self.of(node, warm_up=True) for node in PLANNING}
+        found["supervisor"] |= supervisor
+        return found
+
+
+def composed(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """The parameters of several nodes for one process that runs them all: "node:name" -> value."""
+    return {f"{node}:{name}": value for node, table in parameters.items() for name, value in table.items()}
 
 
 def read_cell(path: Path) -> Cell:

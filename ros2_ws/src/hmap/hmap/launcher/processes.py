@@ -40,8 +40,8 @@ class NodeProcess:
 
     Attributes:
         name: of the node, or of a process with several.
-        parameters: name -> value, in addition to use_sim_time; those of a process with several nodes are for its
-            supervisor.
+        parameters: name -> value, in addition to use_sim_time. Those of a process with several nodes are for its
+            supervisor, unless their name begins with that of a node, as in "komo_optimiser:warm_up".
         log: file of its output.
         files: with parameters.
         process: the running process.
@@ -71,15 +71,7 @@ class NodeProcess:
         """
         self.starts += 1
         self.code = self.stopped = None
-        parameters = dict(self.parameters)
-        prefix = "supervisor:" if self.name in COMPOSED else ""  # of parameters for one node of several
-        parameters.setdefault("use_sim_time", bool(prefix) or self.name in USES_SIM_TIME)
-        if self.name == "recorder" and "path" in parameters:
-            parameters["path"] = self.bag(self.starts)
-        if self.name == "supervisor" or prefix:
-            for name in ("service_patience", "state_patience"):
-                parameters.setdefault(name, RESPAWN_PATIENCE)
-        command = node_command(self.name, _assignments(parameters, prefix), self.files)
+        command = self.command()
         if spare is not None:
             spare.run(self.name, command[NODE_ARGUMENTS:], self.log)
             self.process = spare
@@ -97,6 +89,18 @@ class NodeProcess:
             niceness = os.getpriority(os.PRIO_PROCESS, 0) + NICE
             os.setpriority(os.PRIO_PROCESS, self.process.pid, min(niceness, 19))
 
+    def command(self) -> list[str]:
+        """Its command line at this start."""
+        prefix = "supervisor:" if self.name in COMPOSED else ""  # of parameters for one node of several
+        parameters = {key if ":" in key else prefix + key: value for key, value in self.parameters.items()}
+        parameters.setdefault(f"{prefix}use_sim_time", bool(prefix) or self.name in USES_SIM_TIME)
+        if self.name == "recorder" and "path" in parameters:
+            parameters["path"] = self.bag(self.starts)
+        if self.name == "supervisor" or prefix:
+            for name in ("service_patience", "state_patience"):
+                parameters.setdefault(prefix + name, RESPAWN_PATIENCE)
+        return node_command(self.name, assignments(parameters), self.files)
+
     def bag(self, start: int) -> Path:
         """The folder of the recorder's bag after a start, from 1: every start needs a new one."""
         path = Path(str(self.parameters["path"]))
@@ -107,22 +111,23 @@ class NodeProcess:
         return "\n".join(self.log.read_text(errors="replace").splitlines()[-LOG_TAIL:])
 
 
-def node_command(name: str, assignments: list[str] | None = None, files: Sequence[Path] = ()) -> list[str]:
+def node_command(name: str, values: Sequence[str] = (), files: Sequence[Path] = ()) -> list[str]:
     """The command line of a node.
 
     Args:
         name: of the node.
-        assignments: parameters as "name:=value"; they win over those of files.
+        values: parameters as "name:=value"; they win over those of files.
         files: with parameters.
     """
     arguments = [word for file in files for word in ("--params-file", str(file))]
-    arguments += [word for text in assignments or [] for word in ("-p", text)]
+    arguments += [word for text in values for word in ("-p", text)]
     return [sys.executable, "-m", f"hmap.nodes.{name}", *(["--ros-args", *arguments] if arguments else [])]
 
 
-def _assignments(parameters: Mapping[str, object], prefix: str) -> list[str]:
+def assignments(parameters: Mapping[str, object]) -> list[str]:
+    """Parameters as "name:=value", the way ROS arguments have them."""
     texts = {key: str(value).lower() if isinstance(value, bool) else value for key, value in parameters.items()}
-    return [f"{prefix}{key}:={text}" for key, text in texts.items()]
+    return [f"{key}:={text}" for key, text in texts.items()]
 
 
 @dataclass

@@ -12,6 +12,7 @@ from hmap_core.evaluation.summary import aligned
 
 ALPHA = 0.01  # a smaller p counts as a difference; so small since many numbers are compared
 FEWEST = 5  # runs of each set
+FEWEST_PAIRS = 8  # with which a p below ALPHA is possible
 DIFFERS, SAME, TOO_FEW = "differs", "no difference found", "too few runs to tell"
 
 
@@ -52,6 +53,17 @@ def compare(a: Sequence[RunMetrics], b: Sequence[RunMetrics]) -> list[Difference
     """Where two sets of runs differ; numbers that one of them does not have are left out."""
     found = [_difference(name, unit, a, b) for name, unit in COMPARED.items()]
     return [difference for difference in found if difference is not None]
+
+
+def remark(a: Sequence[RunMetrics], b: Sequence[RunMetrics]) -> str:
+    """What would tell more, where seeds match but too few; empty: nothing."""
+    both = len(_by_seed("solved", a).keys() & _by_seed("solved", b).keys())
+    if not 0 < both < FEWEST_PAIRS:
+        return ""
+    return (
+        f"the sets have {both} pair{'s' if both > 1 else ''} of the same task and seed; with {FEWEST_PAIRS}, runs are "
+        "compared in pairs, which shows smaller differences"
+    )
 
 
 def _difference(name: str, unit: str, a: Sequence[RunMetrics], b: Sequence[RunMetrics]) -> Difference | None:

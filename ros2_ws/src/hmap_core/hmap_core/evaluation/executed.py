@@ -1,9 +1,10 @@
 """What was executed of a plan, from measured joints and poses: lengths, smoothness, drift and clearance."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hmap_core import plan_file, transforms
 from hmap_core.kinematics.arm import load_arm
@@ -12,7 +13,7 @@ from hmap_core.types import Plan, SegmentKind
 LAG = 0.3  # s by which poses may be older or newer than joints
 NOISE = 5e-4  # rad; joints that move less between two samples stand
 FIT_WINDOW = 0.3  # s of samples to which a cubic is fitted, whose third derivative is the jerk
-FIT_LEAST = 6  # samples in it at least
+FIT_LEAST = 5  # samples in it at least; a cubic has 4 coefficients
 SHORTEST = 5  # samples of which something can be said
 
 
@@ -47,19 +48,25 @@ class Measured:
         return np.any(steps, axis=0) if steps else np.zeros(max(0, len(self.time) - 1), bool)
 
 
-def progress(plan: Plan, measured: Measured) -> np.ndarray:
+def progress(plan: Plan, measured: Measured, anywhere: bool = False) -> np.ndarray:
     """The sample (M,) of the plan at which each measured sample is, never going back.
 
     The joints of all robots are compared by dynamic programming with a free end, as in dynamic time warping (Sakoe and
     Chiba, "Dynamic programming algorithm optimization for spoken word recognition", 1978): the sum of the distances is
     the smallest.
+
+    Args:
+        plan: that was executed.
+        measured: joints.
+        anywhere: whether it can begin in the middle of the plan.
     """
     robots = [name for name in plan.trajectory.joints if name in measured.joints]
     planned = np.concatenate([plan.trajectory.joints[name] for name in robots], axis=1)
     actual = np.concatenate([measured.joints[name] for name in robots], axis=1)
     count = len(planned)
     cost = np.zeros(count)
-    cost[1:] = np.inf
+    if not anywhere:
+        cost[1:] = np.inf
     from_ = np.zeros((len(actual), count), np.int32)
     for j, q in enumerate(actual):
         best = np.minimum.accumulate(cost)
@@ -129,8 +136,13 @@ def drift(plan: Plan, measured: Measured, at: np.ndarray) -> Drift:
 
 def _off_path(path: np.ndarray, p: np.ndarray, k: int, plan: Plan) -> float:
     """How far (m) a place is off a path (K, 3) near its sample k; poses and joints are not of quite the same time."""
-    near = slice(*np.searchsorted(plan.trajectory.time, plan.trajectory.time[k] + np.array([-LAG, LAG])))
-    return float(np.linalg.norm(path[near] - p, axis=1).min())
+    return float(np.linalg.norm(path[_nearest(path, p, k, plan)] - p))
+
+
+def _nearest(path: np.ndarray, p: np.ndarray, k: int, plan: Plan) -> int:
+    """The sample of a path (K, 3), at most LAG from its sample k, that is nearest to a place."""
+    first, last = np.searchsorted(plan.trajectory.time, plan.trajectory.time[k] + np.array([-LAG, LAG]))
+    return int(first) + int(np.linalg.norm(path[first:last] - p, axis=1).argmin())
 
 
 def goal_error(plan: Plan, measured: Measured) -> tuple[float, float] | None:
@@ -160,25 +172,55 @@ def contacts_begun(plan: Plan, at: np.ndarray) -> int:
 def clearance(plan: Plan, measured: Measured, at: np.ndarray) -> float | None:
     """The smallest distance between what must not touch, by the judge, on the measured joints and poses, m.
 
-    The measured samples stand where the plan has them, so that the judge knows which contacts are meant.
+    The measured samples stand where the plan has them, so that the judge knows which contacts are meant. Two of them
+    can be a second apart, and a straight line between them would cut corners. The motion there is that of the plan,
+    with what was off it interpolated.
     """
     from hmap_core.validation import executed_clearance  # slow to import
 
     end = max(int(at[-1]), 1)
-    rows = np.searchsorted(at, np.arange(end + 1), side="right").clip(1) - 1
     kept = plan.trajectory.time[: end + 1]
     segments = [replace(s, end=min(s.end, float(kept[-1]))) for s in plan.segments if s.start < kept[-1]]
     cut = replace(plan, trajectory=_cut(plan, end), segments=tuple(segments))
-    planned = plan_file.to_dict(cut)
-    trajectory = cut.trajectory
-    openings = {name: w for name, w in measured.gripper.items() if name in trajectory.gripper}
-    executed = replace(
-        trajectory,
-        joints=trajectory.joints | {name: q[rows] for name, q in measured.joints.items()},
-        gripper=trajectory.gripper | {name: w[rows] for name, w in openings.items()},
-        objects=trajectory.objects | {n: T[rows] for n, T in measured.poses.items() if n in trajectory.objects},
-    )
-    return executed_clearance(planned, plan_file.to_dict(replace(cut, trajectory=executed)))
+    executed = replace(cut, trajectory=_executed(cut, measured, at))
+    return executed_clearance(plan_file.to_dict(cut), plan_file.to_dict(executed))
+
+
+def _executed(plan: Plan, measured: Measured, at: np.ndarray):
+    """The trajectory of a plan with what was off it, from its samples ``at`` (M,) of the measured ones."""
+    trajectory = plan.trajectory
+    first_of_reversed = np.unique(at[::-1], return_index=True)
+    samples, rows = first_of_reversed[0], len(at) - 1 - first_of_reversed[1]  # of several in one sample, the last
+    steps = np.arange(len(trajectory.time))
+
+    def spread(off: np.ndarray) -> np.ndarray:
+        return np.stack([np.interp(steps, samples, column) for column in off.T], axis=1)
+
+    joints, gripper, objects = dict(trajectory.joints), dict(trajectory.gripper), dict(trajectory.objects)
+    for name, q in measured.joints.items():
+        joints[name] = joints[name] + spread(q[rows] - joints[name][samples])
+    for name, w in measured.gripper.items():
+        if name in gripper:
+            gripper[name] = gripper[name] + spread((w[rows] - gripper[name][samples])[:, None])[:, 0]
+    for name, T in measured.poses.items():
+        if name in objects:
+            objects[name] = _executed_poses(plan, objects[name], T[rows], samples, spread)
+    return replace(trajectory, joints=joints, gripper=gripper, objects=objects)
+
+
+def _executed_poses(
+    plan: Plan,
+    planned: np.ndarray,
+    poses: np.ndarray,
+    samples: np.ndarray,
+    spread: Callable[[np.ndarray], np.ndarray],
+) -> np.ndarray:
+    """Poses (K, 7) of an object: the planned ones with what was off them; being late is not being off."""
+    near = [_nearest(planned[:, :3], p[:3], k, plan) for p, k in zip(poses, samples, strict=True)]
+    shift = spread(poses[:, :3] - planned[near, :3])
+    turned = Rotation.from_quat(poses[:, 3:]) * Rotation.from_quat(planned[near, 3:]).inv()
+    turn = Rotation.from_rotvec(spread(turned.as_rotvec())) * Rotation.from_quat(planned[:, 3:])
+    return np.concatenate([planned[:, :3] + shift, turn.as_quat()], axis=1)
 
 
 def _cut(plan: Plan, end: int):

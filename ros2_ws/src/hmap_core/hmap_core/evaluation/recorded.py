@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from hmap_core.types import Plan
 
 SOLVED, PLANNED, FAILED, CUT = "solved", "planned", "failed", "cut off"  # outcomes
 ENDED_WELL = (SOLVED, PLANNED)
+LATE = 2.0  # s after which the first status of a run that was recorded from its begin has come
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ class RecordedRun:
         statuses: from its begin to its end.
         plans: s of the clock at which each plan was published, and the plan.
         measured: joints and poses meanwhile; None where neither was recorded.
+        joints: joints of ``joint_states`` meanwhile, which come more often; None where they were not recorded.
         faults: what nodes told to be wrong meanwhile.
         missing: what was not recorded, and what cannot be said without it.
     """
@@ -56,13 +59,14 @@ class RecordedRun:
     statuses: tuple[Status, ...]
     plans: tuple[tuple[float, Plan], ...] = ()
     measured: Measured | None = None
+    joints: Measured | None = None
     faults: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
 
 
 @dataclass
 class RunMetrics:
-    """The numbers of one run; None: not known. ``docs/operator.md`` describes them."""
+    """The numbers of one run; None: not known. ``docs/evaluation.md`` describes them."""
 
     bag: str
     goal: int
@@ -112,12 +116,21 @@ COMPARED = {
     "drift_object_m": "m",
     "goal_error_m": "m",
 }
+# of a run that did not come to its end, these say nothing of how long or far one is
+OF_WHOLE_RUNS = ("execution_s", "moving_s", "joint_path_rad", "tip_path_m", "contact_switches")
 
 
 def value(metrics: RunMetrics, name: str) -> float | None:
-    """A number of a run by its name in COMPARED; lists by their mean; whether it is solved as 0 or 1."""
+    """A number of a run by its name in COMPARED, for means and comparisons.
+
+    Lists count by their mean, and whether it is solved as 0 or 1. Times and lengths of runs that did not come to their
+    end do not count (None).
+    """
+    well = metrics.outcome in ENDED_WELL
     if name == "solved":
-        return float(metrics.outcome in ENDED_WELL)
+        return float(well)
+    if name in OF_WHOLE_RUNS and not well:
+        return None
     found = getattr(metrics, name)
     if isinstance(found, list):
         return float(np.mean(found)) if found else None
@@ -131,7 +144,7 @@ def measure(run: RecordedRun, judge: bool = True) -> RunMetrics:
         run: as recorded.
         judge: whether the clearance is measured, which takes some seconds.
     """
-    metrics = RunMetrics(run.bag, run.number, run.task, run.seed, *_outcome(run))
+    metrics = RunMetrics(run.bag, run.number, run.task, run.seed, *outcome(run))
     metrics.faults, metrics.missing = list(run.faults), list(run.missing)
     metrics.phases = _phases(run.statuses)
     metrics.plans, metrics.replans = len(run.plans), sum(s.phase == "replanning" for s in _entered(run.statuses))
@@ -148,32 +161,51 @@ def measure(run: RecordedRun, judge: bool = True) -> RunMetrics:
         metrics.execution_s = run.statuses[-1].time - began.time
         if run.measured is not None:
             _measure_motion(run, began.time, metrics, judge)
+    _forget_what_began_before(run, metrics)
     return metrics
+
+
+def _forget_what_began_before(run: RecordedRun, metrics: RunMetrics) -> None:
+    """A bag that begins in the middle of a run does not tell its times and lengths."""
+    first = run.statuses[0]
+    if first.elapsed <= LATE:
+        return
+    for name in (*OF_WHOLE_RUNS, *([] if run.plans else ["planning_s"])):
+        setattr(metrics, name, None)
+    text = f"the first {first.elapsed:.1f} s: the bag begins in the phase '{first.phase}' (no times and lengths)"
+    metrics.missing.append(text)
 
 
 def _measure_motion(run: RecordedRun, began: float, metrics: RunMetrics, judge: bool) -> None:
     """The numbers that need measured joints."""
     if run.measured is None:
         return
-    whole = run.measured.between(began, run.statuses[-1].time + 0.5)
-    if len(whole.time) < executed.SHORTEST:
+    end = run.statuses[-1].time + 0.5
+    whole = run.measured.between(began, end)
+    dense = whole if run.joints is None else run.joints.between(began, end)
+    dense = dense if len(dense.time) > len(whole.time) else whole
+    if len(dense.time) < executed.SHORTEST:
         metrics.missing.append("measured joints while the plan was executed: too few for path, jerk, drift, clearance")
         return
-    metrics.moving_s = float(np.diff(whole.time)[whole.moving()].sum())
-    metrics.joint_path_rad = executed.joint_length(whole)
-    metrics.jerk_rad_s3 = executed.jerk(whole)
+    metrics.moving_s = float(np.diff(dense.time)[dense.moving()].sum())
+    metrics.joint_path_rad = executed.joint_length(dense)
+    metrics.jerk_rad_s3 = executed.jerk(dense)
     if not run.plans:
         return
-    metrics.tip_path_m = executed.tip_length(run.plans[0][1], whole)
+    metrics.tip_path_m = executed.tip_length(run.plans[0][1], dense)
+    if len(whole.time) < executed.SHORTEST:
+        metrics.missing.append("world states while the plan was executed: too few for contacts, drift, clearance")
+        return
     error = executed.goal_error(run.plans[-1][1], whole) if metrics.outcome != CUT else None
     metrics.goal_error_m, metrics.goal_error_deg = error if error is not None else (None, None)
     ends = [time for time, _ in run.plans[1:]] + [math.inf]
+    late = run.statuses[0].elapsed > LATE
     clear, objects, joints, contacts = [], [], [], 0
     for (time, plan), end in zip(run.plans, ends, strict=True):
         part = whole.between(time, end)
         if len(part.time) < executed.SHORTEST:
             continue
-        at = executed.progress(plan, part)
+        at = executed.progress(plan, part, anywhere=late)
         off = executed.drift(plan, part, at)
         joints.append(off.joints)
         objects += [off.object] if off.object is not None else []
@@ -186,7 +218,7 @@ def _measure_motion(run: RecordedRun, began: float, metrics: RunMetrics, judge: 
     metrics.clearance_m = min(clear, default=None)
 
 
-def _outcome(run: RecordedRun) -> tuple[str, str, str]:
+def outcome(run: RecordedRun) -> tuple[str, str, str]:
     """How a run ended: outcome, code, reason."""
     last = run.statuses[-1]
     if last.phase == "done":
@@ -228,34 +260,71 @@ def _number(found: Any, default: float | None) -> float | None:
     return float(found) if isinstance(found, int | float) and math.isfinite(found) else default
 
 
-def table(all_metrics: Sequence[RunMetrics]) -> list[str]:
-    """One line for each run, and one with means and 95 % intervals."""
-    head = ("run", "task", "seed", "outcome", "plan s", "exec s", "path rad", "jerk", "clear mm", "contacts", "replans")
-    rows: list[tuple[str, ...]] = [(*head, "drift mm", "goal mm")]
-    for m in all_metrics:
-        name = m.bag if m.goal == 1 else f"{m.bag} #{m.goal}"
-        outcome = m.code or m.outcome
+HEAD = (
+    *("", "run", "task", "seed", "outcome", "plan s", "exec s", "path rad", "jerk rad/s^3", "clear mm", "contacts"),
+    *("replans", "drift mm", "goal mm"),
+)
+
+
+def names_of(all_metrics: Sequence[RunMetrics]) -> list[str]:
+    """What each run is called among others: its path from the folder that all share, and its goal if it is not the
+    first of the bag. The last folder, such as ``bag``, is left out where the rest tells them apart."""
+    parts = [PurePath(m.bag).parts for m in all_metrics]
+    short = [p[:-1] for p in parts]
+    parts = short if len(set(short)) == len(set(parts)) and all(short) else parts
+    shared = 0
+    while all(len(p) > shared + 1 and p[shared] == parts[0][shared] for p in parts):
+        shared += 1
+    goals = ["" if m.goal == 1 else f" #{m.goal}" for m in all_metrics]
+    return [str(PurePath(*p[shared:])) + goal for p, goal in zip(parts, goals, strict=True)]
+
+
+def rows(all_metrics: Sequence[RunMetrics]) -> list[tuple[str, ...]]:
+    """The cells of a table: HEAD, and a row for each run, which begins with its number."""
+    found: list[tuple[str, ...]] = [HEAD]
+    for k, (name, m) in enumerate(zip(names_of(all_metrics), all_metrics, strict=True), 1):
+        ended = m.outcome if not m.code else f"{m.outcome} {m.code}"
         cells = [m.planning_s, m.execution_s, m.joint_path_rad, m.jerk_rad_s3, _mm(m.clearance_m)]
         end = [m.contact_switches, m.replans, _mm(m.drift_object_m), _mm(m.goal_error_m)]
         seed = "-" if m.seed is None else str(m.seed)
-        rows.append((name, m.task or "-", seed, outcome, *map(_cell, cells), *map(_cell, end)))
-    width = max([len(row[1]) for row in rows]) + 2
-    widths = (12, width, 6, max(len(row[3]) for row in rows) + 2, 8, 8, 10, 8, 10, 10, 9, 10, 9)
-    return aligned(rows, widths)
+        found.append((str(k), name, m.task or "-", seed, ended, *map(_cell, cells), *map(_cell, end)))
+    return found
+
+
+def table(all_metrics: Sequence[RunMetrics]) -> list[str]:
+    """One line for each run."""
+    found = rows(all_metrics)
+    widths = [max(len(row[k]) for row in found) + 2 for k in range(len(HEAD))]
+    return aligned([(f"{row[0]:>3}  {row[1]}", *row[2:]) for row in found], (0, *widths[2:]))
+
+
+def remarks(all_metrics: Sequence[RunMetrics]) -> list[str]:
+    """Why runs failed, faults, and what is missing, each once with the numbers of its runs in the table."""
+    found: dict[str, list[int]] = {}
+    for k, m in enumerate(all_metrics, 1):
+        cut = [f"cut off: {m.reason}"] if m.outcome == CUT and m.reason else []
+        for text in (*cut, *[f"fault: {t}" for t in m.faults], *[f"missing: {t}" for t in m.missing]):
+            found.setdefault(text, []).append(k)
+    lines = []
+    for text, numbers in found.items():
+        which = "all runs" if 1 < len(all_metrics) == len(numbers) else f"run {', '.join(map(str, numbers))}"
+        lines.append(f"{which}: {text}")
+    return lines
 
 
 def intervals(all_metrics: Sequence[RunMetrics]) -> list[str]:
-    """Means over all runs with 95 % intervals."""
+    """Means with 95 % intervals; times and lengths are those of the runs that ended well."""
     solved = sum(m.outcome in ENDED_WELL for m in all_metrics)
     low, high = wilson(solved, len(all_metrics))
-    lines = [f"{'solved':<20}{solved} of {len(all_metrics)} (95 % of the time {low:.0%} to {high:.0%}, Wilson)"]
+    lines = [f"{'solved':<20}{solved} of {len(all_metrics)}  (95 % interval {low:.0%} to {high:.0%}, Wilson)"]
     for name, unit in COMPARED.items():
         values = [v for m in all_metrics if (v := value(m, name)) is not None]
         if name == "solved" or not values:
             continue
         low, high = mean_interval(values)
         between = f"  ({low:.4g} to {high:.4g})" if len(values) > 1 else "  (one run: no interval)"
-        lines.append(f"{name:<20}{np.mean(values):.4g} {unit}{between}  n={len(values)}")
+        whole = ", those that ended well" if name in OF_WHOLE_RUNS and len(values) < len(all_metrics) else ""
+        lines.append(f"{name:<20}{np.mean(values):.4g} {unit}{between}  n={len(values)}{whole}")
     return lines
 
 
