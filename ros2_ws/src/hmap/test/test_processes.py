@@ -107,14 +107,17 @@ def test_a_node_that_a_signal_has_stopped_is_killed_and_started_anew(graph, monk
     graph.check()
 
 
-def test_a_stopped_node_ends_with_the_others_as_if_it_ran(graph, monkeypatch):
+@pytest.mark.parametrize(("name", "number"), [("supervisor", signal.SIGKILL), ("recorder", signal.SIGINT)])
+def test_a_stopped_node_ends_with_the_others_at_once_and_a_recorder_writes_its_bag(graph, monkeypatch, name, number):
     monkeypatch.setattr(processes, "END_TIMEOUT", LIMIT)
-    graph.start("world")
-    node = graph.nodes["world"]
+    monkeypatch.setattr(processes, "STOPPED_LIMIT", LIMIT)
+    graph.start(name)
+    node = graph.nodes[name]
     until(lambda: node.log.exists() and node.log.read_text())
     os.killpg(node.process.pid, signal.SIGSTOP)
+    until(lambda: processes._is_stopped(node.process.pid))
     graph.end()
-    assert node.code == -signal.SIGINT
+    assert node.code == -number
 
 
 def test_the_parameters_of_several_nodes_in_one_process_are_those_of_its_supervisor(graph):

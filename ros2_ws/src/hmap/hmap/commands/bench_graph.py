@@ -70,6 +70,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--repeats", type=count, default=REPEATS, metavar="N", help=f"plans after the first ({REPEATS})"
     )
+    stop = f"measure instead how long arms move on after the supervisor is killed, and after pause and stop ({REPEATS})"
+    parser.add_argument("--stop", type=count, nargs="?", const=REPEATS, metavar="N", help=stop)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
@@ -78,6 +80,12 @@ def run(arguments: argparse.Namespace) -> int:
     os.environ["ROS_DOMAIN_ID"] = str(DOMAIN)
     prepare_process()
     keep_for_results()
+    if arguments.stop:
+        from hmap.commands import bench_stop
+
+        rests = bench_stop.measured(arguments.task, arguments.seed, arguments.stop)
+        print(json.dumps(rests) if arguments.json else "\n".join(bench_stop.lines(rests)))
+        return 0
     result: dict[str, Any] = {"task": arguments.task, "seed": arguments.seed}
     for kind, (_, processes) in KINDS.items():
         result[kind] = measured(arguments.task, arguments.seed, arguments.repeats, processes)

@@ -210,6 +210,12 @@ class Graph:
         return {name: node.code for name, node in self.nodes.items()}
 
     def _end(self, nodes: list[NodeProcess]) -> None:
+        for node in nodes:
+            process = node.process
+            # The others have taken it for dead. If it went on, it would wait for those that end at the same time; only
+            # the recorder has something to write.
+            if process is not None and node.name != "recorder" and _is_stopped(process.pid):
+                _send(process, signal.SIGKILL)
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
             processes = [node.process for node in nodes if node.process is not None]
             running = [process for process in processes if process.poll() is None]
