@@ -116,6 +116,9 @@ class HmapNode(Node):
         if self._warm_up is not None:
             self._warm_up.end()
 
+    def require_active(self) -> None:
+        """Raise where the node does not work at the moment; see :mod:`hmap.lifecycle`."""
+
     def parameter(
         self, name: str, default: Any, description: str, low: float | None = None, high: float | None = None
     ) -> Any:
@@ -206,6 +209,7 @@ class HmapNode(Node):
             began = time.monotonic()
             self.needed()
             try:
+                self.require_active()
                 handler(request, response)
             except Exception as error:
                 response = service_type.Response()  # discards a partly filled response

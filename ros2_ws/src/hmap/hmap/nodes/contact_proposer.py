@@ -4,7 +4,8 @@ import sys
 from collections.abc import Sequence
 
 from hmap.conversions import cloud_from_message, known_object, known_robots
-from hmap.node import HmapNode, run
+from hmap.lifecycle import ManagedNode
+from hmap.node import run
 from hmap.phase_conversions import contact_to_message
 from hmap.remote_components import RosContactChecker
 from hmap.requests import Caller, scene_and_state, time_limit
@@ -38,7 +39,7 @@ class CountingChecker:
         return self._checker.promising(query, contacts, beyond)
 
 
-class ContactProposerNode(HmapNode):
+class ContactProposerNode(ManagedNode):
     """Serves ``propose_contacts``.
 
     Attributes:

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from hmap.conversions import known_object, known_robots
-from hmap.node import HmapNode, run
+from hmap.lifecycle import ManagedNode
+from hmap.node import run
 from hmap.phase_conversions import contact_from_message, motion_to_response, point_from_message
 from hmap.requests import scene_and_state, time_limit
 from hmap_core.exceptions import Code, ContactError, InputError
@@ -19,7 +20,7 @@ from hmap_msgs_py.errors import error_to_message
 from hmap_msgs_py.poses import poses_from_messages
 
 
-class KomoOptimiser(HmapNode):
+class KomoOptimiser(ManagedNode):
     """Serves ``check_contacts`` and ``solve_segment``.
 
     Attributes:

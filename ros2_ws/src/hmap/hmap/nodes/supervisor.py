@@ -14,8 +14,9 @@ from rclpy.action.server import ServerGoalHandle
 
 from hmap.conversions import known_object, plan_to_message
 from hmap.heartbeats import Heartbeat, runs_already, was_there_before
+from hmap.lifecycle import ManagedNode
 from hmap.naming import Naming
-from hmap.node import FEEDBACK, LATCHED, LOOK_PERIOD, HmapNode, run
+from hmap.node import FEEDBACK, LATCHED, LOOK_PERIOD, run
 from hmap.perception.pose_filter import POSE_NOISE
 from hmap.remote_components import remote_components
 from hmap.requests import OFFERED_BY, Caller, time_limit
@@ -48,6 +49,7 @@ SCENE_PATIENCE = 3.0  # s for the published scene to be received, by a superviso
 LOADING_LIMIT = 30.0  # s for a scene to be loaded
 UNDISTURBED = 1.0  # s in which plan repair does not share the interpreter with callbacks; a cancellation waits as long
 REHEARSAL_LIMIT = 30.0  # s
+SETTLE_LIMIT = 30.0  # s for a goal to end when the node is deactivated
 STOPPING, REPLANNING = "stopping", "replanning"  # phases beside those of PlannerStatus
 PAUSED, CONFIRMING = "paused", "confirming"
 SECOND = (
@@ -80,7 +82,7 @@ class Job:
         return self.handle.request
 
 
-class Supervisor(HmapNode):
+class Supervisor(ManagedNode):
     """Plans and executes one goal at a time; a new goal takes the place of the one before."""
 
     plans = True
@@ -153,6 +155,14 @@ class Supervisor(HmapNode):
         if was_there_before(self._others, self._began):
             self.failure = InputError(SECOND)
 
+    def settled(self) -> bool:
+        """Wait until the goal, if there is one, has ended as canceled and arms are at rest."""
+        self._controllers.news.set()
+        ended = self._turn.acquire(timeout=SETTLE_LIMIT)
+        if ended:
+            self._turn.release()
+        return ended
+
     # the operator
 
     def _has_goal(self) -> bool:
@@ -205,6 +215,7 @@ class Supervisor(HmapNode):
         return None
 
     def _manipulate(self, job: Job) -> None:
+        self.require_active()
         if self._others.alive:  # both were started at the same time
             raise InputError(SECOND)
         limit = time_limit(job.goal, self._time_limit)
@@ -246,7 +257,7 @@ class Supervisor(HmapNode):
         )
 
     def _canceled(self, job: Job) -> bool:
-        stopped = self._operator.stops > job.stops
+        stopped = self._operator.stops > job.stops or not self.active
         return stopped or job.handle.is_cancel_requested or job.replaced.is_set() or self.stopping.is_set()
 
     # the goal

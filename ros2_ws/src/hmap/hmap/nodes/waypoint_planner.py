@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from hmap.conversions import known_object
-from hmap.node import HmapNode, run
+from hmap.lifecycle import ManagedNode
+from hmap.node import run
 from hmap.phase_conversions import path_to_response
 from hmap.requests import scene_and_state, time_limit
 from hmap_core.planner import ObjectPathQuery, plugins
@@ -16,7 +17,7 @@ from hmap_msgs_py.errors import error_to_message
 from hmap_msgs_py.poses import pose_from_message
 
 
-class WaypointPlanner(HmapNode):
+class WaypointPlanner(ManagedNode):
     """Serves ``plan_waypoints``.
 
     Attributes:
