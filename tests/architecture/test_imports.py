@@ -41,6 +41,7 @@ LAYERS = (
         "lazy",
         "obj_text",
         "regular_file",
+        "timed_work",
         "transforms",
     },
     {"types"},

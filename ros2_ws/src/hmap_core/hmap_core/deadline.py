@@ -11,6 +11,10 @@ from contextvars import ContextVar
 
 from hmap_core.exceptions import Code, PlannerError
 
+# share of a time limit, and at most so many seconds, that are left at the deadline of the work: no step is interrupted
+RESERVE = 0.05
+MOST_RESERVE = 0.1  # s
+
 _DEADLINE: ContextVar[float] = ContextVar("deadline", default=math.inf)
 
 
@@ -29,11 +33,19 @@ def deadline() -> float:
     return _DEADLINE.get()
 
 
-def check_time() -> None:
+def usable(time_limit: float) -> float:
+    """Seconds of a time limit (s) that work can use, so that its last step ends within the limit."""
+    return time_limit - min(RESERVE * time_limit, MOST_RESERVE)
+
+
+def check_time(ahead: float = 0.0) -> None:
     """Look at the clock.
 
+    Args:
+        ahead: s that the next step takes.
+
     Raises:
-        PlannerError: TIME_LIMIT; the deadline has passed.
+        PlannerError: TIME_LIMIT; the deadline has passed, or will pass within this step.
     """
-    if time.monotonic() > _DEADLINE.get():
+    if time.monotonic() + ahead > _DEADLINE.get():
         raise PlannerError("no time is left", Code.TIME_LIMIT)

@@ -1,18 +1,23 @@
 """Long steps look at the clock: the judge, contacts, inverse kinematics and the optimiser end with the time limit."""
 
+import gc
 import time
 from functools import partial
 
 import numpy as np
 import pytest
+from numba.core.compiler_lock import global_compiler_lock
 
 from hmap_core import deadline, plan_file, planner
 from hmap_core.benchmark import many_parts
-from hmap_core.exceptions import Code, PlannerError
+from hmap_core.exceptions import Code, MotionError, PlannerError
+from hmap_core.garbage import only_new_garbage
 from hmap_core.komo.ik import solve_ik
 from hmap_core.planner import hmap_planner
 from hmap_core.scenes import load_scene
+from hmap_core.timed_work import LOADING, work_until
 from hmap_core.validation import check
+from hmap_core.waypoints import NoObjectPath, plan_waypoints
 
 PARTS = 300
 LONGEST = 0.1  # s of CPU time between two looks, on a machine that may be busy
@@ -88,3 +93,79 @@ def test_whole_plans_among_many_parts_keep_their_time_limit(plan, limit):
     """By CPU time, since other work on the machine does not count; it was up to four times the limit."""
     trial = many_parts.run_plan(many_parts.carried(PARTS, PARTS, 1), limit)
     assert trial.cpu < 1.1 * limit + LONGEST
+
+
+def test_some_time_is_left_for_the_last_step():
+    assert deadline.usable(0.3) == pytest.approx(0.285)
+    assert deadline.usable(60.0) == pytest.approx(60.0 - deadline.MOST_RESERVE)
+
+
+def test_no_code_is_loaded_that_would_be_late():
+    with global_compiler_lock:  # as Numba does before it loads or compiles a function
+        pass
+    with work_until(time.monotonic() + 60.0), global_compiler_lock:
+        pass
+    with work_until(time.monotonic() + 0.5 * LOADING), pytest.raises(PlannerError, match="no time is left"):
+        with global_compiler_lock:
+            pass
+    assert not global_compiler_lock.is_locked()
+
+
+def test_code_of_a_function_is_loaded_to_its_end():
+    with global_compiler_lock, work_until(time.monotonic() - 1.0), global_compiler_lock:
+        pass
+
+
+def test_garbage_that_was_there_before_is_not_looked_through():
+    thresholds = gc.get_threshold()
+    gc.unfreeze()
+    with only_new_garbage():
+        assert gc.get_freeze_count() > 10_000
+        assert gc.get_threshold()[0] >= 50_000
+        with only_new_garbage():
+            pass
+        assert gc.get_freeze_count() > 10_000
+    assert gc.get_freeze_count() == 0 and gc.get_threshold() == thresholds
+
+
+def test_objects_that_someone_else_set_aside_stay_there():
+    gc.freeze()
+    try:
+        with only_new_garbage():
+            pass
+        assert gc.get_freeze_count() > 0
+    finally:
+        gc.unfreeze()
+
+
+def test_an_object_path_for_which_no_time_is_left_is_none(monkeypatch):
+    """What ends the search within a step is no error of another kind."""
+    monkeypatch.setattr("hmap_core.waypoints.plan._search", _out_of_time)
+    with pytest.raises(NoObjectPath, match="none was looked at; the search ended with its time limit of 2 s"):
+        plan_waypoints(many_parts.window(20, 20, 0), np.random.default_rng(0), 2.0)
+
+
+def _out_of_time(*_):
+    raise PlannerError("no time is left", Code.TIME_LIMIT)
+
+
+@pytest.mark.parametrize("limit", [0.1, 0.3])
+def test_transits_among_many_parts_keep_their_time_limit(limit):
+    """By CPU time; it was up to sixteen times the limit."""
+    scene, state, ends = many_parts.attached(PARTS, PARTS, 0)
+    trial = many_parts.run_transit(scene, state, ends, limit)
+    assert trial.cpu < 1.1 * limit + LONGEST
+
+
+def test_many_pairs_are_made_and_solved_with_looks_at_the_clock(monkeypatch):
+    """As many looks as there is work, by a clock that counts them."""
+    scene, state, ends = many_parts.attached(PARTS, PARTS, 0)
+    looks = []
+    monkeypatch.setattr(deadline.time, "monotonic", lambda: looks.append(0) or float(len(looks)))
+    counts = []
+    for limit in (200.0, 400.0):
+        looks.clear()
+        with pytest.raises(MotionError, match=f"no motion of 'arm' was found within {limit:g} s"):
+            planner.plan_motion(scene, "arm", T_world_ee=ends[0], state=state, time_limit=limit)
+        counts.append(len(looks))
+    assert counts[0] < 215 and counts[1] < 415

@@ -1,16 +1,32 @@
 """Collision models that extend another model; only the additions are packed for the compiled code."""
 
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from itertools import accumulate
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hmap_core.collision.scene_model import LEAST_SPEED, CollisionModel, Collisions
+from hmap_core.collision.scene_model import ALL_PHASES, LEAST_SPEED, CollisionModel, Collisions
 from hmap_core.deadline import check_time
 
+MANY_SHAPES = 64  # whose pairs with one other take so long that the clock is looked at in between
 
-class BaseModel(CollisionModel):
+
+class _TimedModel(CollisionModel):
+    """A model that looks at the clock while many pairs are added."""
+
+    def keep_apart(self, A: Iterable[int], B: Sequence[int], min_distance: float, phases: int = ALL_PHASES) -> None:
+        """As :meth:`CollisionModel.keep_apart`."""
+        if len(B) < MANY_SHAPES:
+            super().keep_apart(A, B, min_distance, phases)
+            return
+        for a in A:
+            check_time()
+            super().keep_apart((a,), B, min_distance, phases)
+
+
+class BaseModel(_TimedModel):
     """A model that others extend. It must not change after it was packed."""
 
     @cached_property
@@ -23,7 +39,7 @@ class BaseModel(CollisionModel):
         return self.packed
 
 
-class GrownModel(CollisionModel):
+class GrownModel(_TimedModel):
     """A model that starts with the shapes and pairs of a finished model, and is extended independently of it.
 
     Args:
@@ -46,12 +62,15 @@ class GrownModel(CollisionModel):
         check_time()
         base, S, P = self._base.packed, len(self._base.hulls), len(self._base.pairs)
         vertices, radius, center, bound, edges = _columns(self.hulls[S:], 5)
+        check_time()
         first, second, min_distance, phases = _columns(self.pairs[P:], 4)
+        check_time()
         points, start = np.concatenate([base.vertices, *vertices]), _ends(base.vertices, vertices)
         low, high = (f.reduceat(points, start[:-1]) for f in (np.minimum, np.maximum))
         swept = np.array(radius, float)[:, None]
         speed = _longer(base.speed, self.speeds[S:])
         a, b = np.array(first, np.int64), np.array(second, np.int64)
+        check_time()
         return Collisions(
             points,
             _longer(base.start, start[1:]),

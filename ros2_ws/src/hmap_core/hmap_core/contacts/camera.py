@@ -118,6 +118,7 @@ def visible_points(
     own = solids([(shape, IDENTITY) for shape in body.shapes])
     posed = [(shape, T_world_obj) for shape in body.shapes]
     scene = solids(posed + [(shape, T) for other, T in obstacles for shape in other.shapes])
+    check_time()
     cameras = list(cameras)
     parts: list[Cloud] = []
     for k in range(MAX_ROUNDS if cameras else 1):
@@ -126,6 +127,7 @@ def visible_points(
         if len(own) > 1:
             keep = _uncovered(points, normals, *own.arrays)
             points, normals = points[keep], normals[keep]
+        check_time()
         seen = _seen_by(points, normals, T_world_obj, scene, cameras)
         cloud = Cloud(points, normals, seen)
         parts.append(cloud if include_unseen and k == 0 else cloud[seen])

@@ -24,7 +24,7 @@ from hmap_core.types import ContactKind
 
 # the opening stays this much below the gripper's largest one, m
 WIDTH_CLEARANCE = 5e-4
-AT_ONCE = 1_000_000  # points times shapes that are looked at between two looks at the clock
+AT_ONCE = 150_000  # points times shapes that are looked at between two looks at the clock
 # number of approach directions about the closing axis
 APPROACHES = 12
 # grasp depth beyond which the score does not increase, m

@@ -2,9 +2,11 @@
 
 import numpy as np
 
-from hmap_core.deadline import check_time
+from hmap_core.deadline import check_time, deadline
 from hmap_core.komo.ik_kernels import follow, solve_batch, solve_until
 from hmap_core.komo.transcription import KomoProblem
+
+AT_ONCE = 100_000  # pairs times configurations that are solved between two looks at the clock
 
 
 def _one_step(problem: KomoProblem, params: np.ndarray):
@@ -12,7 +14,7 @@ def _one_step(problem: KomoProblem, params: np.ndarray):
     check_time()
     padded = np.ascontiguousarray(np.concatenate([params, np.zeros((len(params), 1))], axis=1))
     terms, samples, options = problem.packed()
-    return terms, padded, problem.arrays(), samples, options
+    return terms, padded, problem.arrays(), samples, options._replace(deadline=deadline())
 
 
 def follow_ik(problem: KomoProblem, params: np.ndarray, start: np.ndarray, max_jump: float) -> np.ndarray:
@@ -59,6 +61,10 @@ def solve_ik_batch(problem: KomoProblem, params: np.ndarray, initial: np.ndarray
     X = np.ascontiguousarray(initial, float)[:, None, :].copy()
     prefix = np.ascontiguousarray(np.repeat(np.asarray(near, float)[:, None, :], 2, axis=1))
     terms, padded, cols, samples, options = _one_step(problem, params)
-    violation = solve_batch(X, prefix, problem.chain, terms, padded, cols, samples, options)
+    violation = np.empty(len(X))
+    for some in np.array_split(np.arange(len(X)), max(1, min(len(X), len(X) * len(cols.a) // AT_ONCE))):
+        check_time()
+        own = slice(some[0], some[-1] + 1) if len(some) else slice(0)
+        violation[own] = solve_batch(X[own], prefix[own], problem.chain, terms, padded[own], cols, samples, options)
     feasible = (violation <= problem.options.tolerance) & np.isfinite(X).all((1, 2))
     return X[:, 0], feasible

@@ -68,13 +68,13 @@ def solve_from(X, prefix, chain, terms, cols, samples, o, mult, s):
         if not merit < NO_NUMBER:
             return cost, BEYOND, BEYOND, iterations
         for _ in range(int(o.inner)):
-            if o.deadline < np.inf and now() > o.deadline:
-                return cost, BEYOND, BEYOND, iterations
             iterations += 1
             accepted = False
             size = 0.0
             decrease = 0.0
             for _ in range(TRIES):
+                if o.deadline < np.inf and now() > o.deadline:
+                    return cost, BEYOND, BEYOND, iterations
                 if not model_step(X, prefix, chain, mult, model, damping, bandwidth, A, b, gradient, step):
                     damping = max(damping * 10.0, 1e-4)
                     continue

@@ -156,6 +156,7 @@ class KomoProblem(PathProblem):
         between: list[tuple[int, int, float]] = []
         counting = _counting(cols, self.masks())
         iterations = self._solve_coarsely(X, prefix, counting, terms, samples)
+        check_time()
         for refinement in range(self.options.refinements + 1):
             cost, eq, ineq, steps = solve(X, prefix, self.chain, terms, counting, samples, options)
             iterations += steps

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from hmap_core.contacts.camera import Cloud
-from hmap_core.deadline import until
+from hmap_core.deadline import usable
 from hmap_core.exceptions import Code, HmapError, PlannerError
 from hmap_core.planner.components import PlannerComponents
 from hmap_core.planner.interfaces import Progress, ProgressCallback, ToolGrasp
 from hmap_core.planner.outcome import Failure
 from hmap_core.planner.protocols import Cancel, ContactQuery, ContactSearchQuery
 from hmap_core.planner.search_tree import SearchTree
+from hmap_core.timed_work import work_until
 from hmap_core.types import Scene, SceneState
 
 _MAX_SEED = 2**31 - 1
@@ -77,8 +78,8 @@ class Budget:
 
     @property
     def deadline(self) -> float:
-        """When it has to end, ``time.monotonic()``."""
-        return self.began + self.time_limit
+        """When its work has to end, ``time.monotonic()``: a little before the time limit."""
+        return self.began + usable(self.time_limit)
 
 
 @dataclass(frozen=True)
@@ -145,7 +146,7 @@ class SearchContext:
             PlannerError: TIME_LIMIT, with the last failure.
         """
         try:
-            with until(self.budget.deadline):
+            with work_until(self.budget.deadline):
                 yield
         except PlannerError:
             self.time_left()  # says what failed last

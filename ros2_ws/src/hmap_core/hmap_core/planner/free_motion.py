@@ -8,7 +8,8 @@ import numpy as np
 
 from hmap_core.arguments import checked_pose, checked_seed, checked_time_limit
 from hmap_core.collision.scene_model import CollisionModel
-from hmap_core.exceptions import Code, InputError, MotionError
+from hmap_core.deadline import usable
+from hmap_core.exceptions import Code, InputError, MotionError, PlannerError
 from hmap_core.komo.allowances import OVERLAP_ALLOWED, RELAXATION
 from hmap_core.komo.features import pose_params
 from hmap_core.komo.ik import solve_ik_batch
@@ -18,6 +19,7 @@ from hmap_core.komo.transcription import KomoProblem
 from hmap_core.planner import segments
 from hmap_core.planner.interfaces import SubTrajectory
 from hmap_core.planner.segments.transits import NoWayOut
+from hmap_core.timed_work import work_until
 from hmap_core.trajectory.measured_limits import configuration_within_limits, within_limits
 from hmap_core.types import Scene, SceneState
 
@@ -61,8 +63,28 @@ def plan_motion(
             or without a way out.
         MotionError: no configuration reaches the pose (OUT_OF_REACH), or no way was found (NO_MOTION).
     """
-    deadline = time.monotonic() + checked_time_limit(time_limit)
-    rng = np.random.default_rng(checked_seed(seed))
+    limit = checked_time_limit(time_limit)
+    deadline = time.monotonic() + usable(limit)
+    try:
+        with work_until(deadline):
+            return _motion(scene, robot, q, T_world_ee, state, checked_seed(seed), deadline)
+    except PlannerError as error:
+        if error.code != Code.TIME_LIMIT:
+            raise
+        raise MotionError(f"no motion of '{robot}' was found within {limit:g} s", Code.NO_MOTION) from error
+
+
+def _motion(
+    scene: Scene,
+    robot: str,
+    q: np.ndarray | None,
+    T_world_ee: np.ndarray | None,
+    state: SceneState | None,
+    seed: int,
+    deadline: float,
+) -> SubTrajectory:
+    """:func:`plan_motion` until a deadline (``time.monotonic()``). Raises PlannerError when that is over."""
+    rng = np.random.default_rng(seed)
     if robot not in scene.robots:
         raise InputError(f"robot '{robot}' is unknown; the scene has {', '.join(scene.robots)}", Code.UNKNOWN_ROBOT)
     if (q is None) == (T_world_ee is None):

@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from hmap_core.collision.scene_model import Collisions
+from hmap_core.deadline import check_time
 from hmap_core.kinematics.chain import Chain
 from hmap_core.komo.pair_blocks import PairChecks
 from hmap_core.planner.hand_moves import HandMoves
@@ -55,9 +56,11 @@ class TransitChecks:
     def reached(self, path: np.ndarray) -> int:
         """How many of the configurations (m + 1, n) after the first are reached freely, straight from one to the
         next."""
+        check_time()
         steps = self._before_hit(self._pairs.along(path[1:], self._masks(len(path) - 1), 0.0)[1])
         self.looks += len(path) - 1 + INTERVAL_LOOKS * steps
         path = path[: steps + 1]
+        check_time()
         return self._before_hit(self._pairs.between(path, self._masks(steps), UNSEEN)[1])
 
     def line(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -72,6 +75,7 @@ class TransitChecks:
 
     def hit(self, path: np.ndarray) -> np.ndarray:
         """Which intervals (m,) of a path (m + 1, n), straight between its configurations, are not free."""
+        check_time()
         self.looks += INTERVAL_LOOKS * (len(path) - 1)
         return self._pairs.between(path, self._masks(len(path) - 1), UNSEEN)[1] >= 0
 

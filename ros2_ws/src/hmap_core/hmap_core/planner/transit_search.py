@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from hmap_core.collision.scene_model import CollisionModel, Collisions
+from hmap_core.deadline import check_time
 from hmap_core.komo.allowances import relaxed
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.pair_blocks import PairChecks
@@ -46,6 +47,7 @@ class TransitSearch:
         self._chain, self._cols, self._mask = manipulation.model.chain, cols, mask
         self._start, self._goal, self._find = start, goal, find
         self._moves = HandMoves(manipulation, collisions)
+        check_time()
         scene = manipulation.scene
         held = scene.robots[manipulation.robot].model.attached
         slips = None if held is None or scene.mode == TaskMode.KINEMATIC else f"{manipulation.robot}/{held.name}"
@@ -57,6 +59,7 @@ class TransitSearch:
         if not self._rooms:
             return True
         cols = self._with_room(self._rooms[-1])
+        check_time()
         cols = cols._replace(min_distance=cols.min_distance - STRAYS)
         masks = np.full(len(path) - 1, self._mask, np.int64)
         return not (PairChecks(self._chain, cols).between(path, masks, UNSEEN)[1] >= 0).any()
@@ -80,5 +83,6 @@ class TransitSearch:
         own = (self._held[cols.a] & stands[cols.b]) | (self._held[cols.b] & stands[cols.a])
         roomy = cols._replace(min_distance=np.where(own, np.maximum(cols.min_distance, room), cols.min_distance))
         for q in (self._start, self._goal):
+            check_time()
             roomy = relaxed(self._chain, roomy, q, self._mask)
         return roomy._replace(min_distance=np.maximum(roomy.min_distance, cols.min_distance))

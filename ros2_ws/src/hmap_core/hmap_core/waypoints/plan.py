@@ -1,8 +1,13 @@
 """Algorithm 2 of the paper, ObjectBasedRRT: the path of the object without a robot, and its waypoints."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from hmap_core import clock
+from hmap_core.deadline import usable
+from hmap_core.exceptions import Code, PlannerError
+from hmap_core.timed_work import work_until
 from hmap_core.transforms import multiply, pose
 from hmap_core.waypoints.blocking import Removal, fewest_removals
 from hmap_core.waypoints.checker import ObstacleShapes, check_ends, planar_projection
@@ -48,37 +53,74 @@ def plan_waypoints(
         NoObjectPath: no path was found. The exception names the blocking bodies, and the removable bodies whose removal
             makes a path possible.
     """
-    budget = SearchBudget(time_limit_s, checks)
-    obstacles = ObstacleShapes.of(problem.obstacles)
-    needed = check_ends(problem, obstacles)
-    search = ObjectSearch(problem, make_space, obstacles, budget.clock_deadline)
-    if not problem.removable:
-        found = search.rounds(rng, budget)
-        if found is None:
-            raise _failure(search, needed, budget, search)
-    else:
-        found = _around_or_through(problem, search, needed, rng, budget, make_space)
-    return _finished(problem, found, rng, budget)
+    budget = SearchBudget(time_limit_s, checks, seconds=usable(time_limit_s))
+    known = _Known()
+    try:
+        with work_until(budget.deadline):
+            _search(problem, known, rng, budget, make_space)
+    except PlannerError as error:
+        if error.code != Code.TIME_LIMIT:
+            raise
+    if known.search is None:
+        what = f"no path of '{problem.body.name}' to its goal was found: none was looked at"
+        raise NoObjectPath(f"{what}; the search ended with {budget.ended_by}", (), None)
+    if known.removal is not None:
+        path = _finished(problem.without(frozenset(known.removal.names)), known.removal.corners, rng, budget)
+        raise _failure(known.search, known.needed, budget, None, known.removal, path)
+    if known.found is None:
+        raise _failure(known.search, known.needed, budget, known.last)
+    return _finished(problem, known.found, rng, budget)
 
 
-def _around_or_through(problem, search, needed, rng, budget: SearchBudget, make_space: SpaceFactory) -> Corners:
-    """Search alternately for a path around the removable bodies and for one through them.
+@dataclass
+class _Known:
+    """What is known of a problem; its search may end at any time.
 
-    Raises:
-        NoObjectPath: no path was found, or a path seems to exist only if some removable bodies are removed.
+    Attributes:
+        needed: removable bodies at the goal.
+        search: the search with everything in its place.
+        last: the search that decides whether there is a path: the same one, or the one without the removable bodies.
+        found: a path with everything in its place.
+        removal: bodies without which there is a path.
     """
-    found = None if needed else search.rounds(rng, budget.fraction(1.0 - REMOVAL_SHARE), ROUNDS_AROUND_REMOVABLE)
-    cleared = ObjectSearch(problem.without(problem.removable), make_space, deadline=budget.clock_deadline)
-    while found is None and not cleared.infeasible and not budget.exhausted:
+
+    needed: frozenset[str] = frozenset()
+    search: ObjectSearch | None = None
+    last: ObjectSearch | None = None
+    found: Corners | None = None
+    removal: Removal | None = None
+
+
+def _search(problem: ObjectPathProblem, known: _Known, rng, budget: SearchBudget, make_space: SpaceFactory) -> None:
+    """Search a path, and note what is found. Raises InputError where an end is in collision, PlannerError late."""
+    obstacles = ObstacleShapes.of(problem.obstacles)
+    known.needed = check_ends(problem, obstacles)
+    known.search = known.last = ObjectSearch(problem, make_space, obstacles, budget.clock_deadline)
+    if problem.removable:
+        _around_or_through(problem, known, known.search, rng, budget, make_space)
+    else:
+        known.found = known.search.rounds(rng, budget)
+
+
+def _around_or_through(
+    problem: ObjectPathProblem,
+    known: _Known,
+    search: ObjectSearch,
+    rng: np.random.Generator,
+    budget: SearchBudget,
+    make_space: SpaceFactory,
+) -> None:
+    """Search alternately for a path around the removable bodies and for one through them."""
+    needed = known.needed
+    if not needed:
+        known.found = search.rounds(rng, budget.fraction(1.0 - REMOVAL_SHARE), ROUNDS_AROUND_REMOVABLE)
+    known.last = cleared = ObjectSearch(problem.without(problem.removable), make_space, deadline=budget.clock_deadline)
+    while known.found is None and not cleared.infeasible and not budget.exhausted:
         through = cleared.round(rng, budget)
         if through is not None:
-            removal = fewest_removals(problem, through, needed, rng, budget, make_space)
-            path = _finished(problem.without(frozenset(removal.names)), removal.corners, rng, budget)
-            raise _failure(search, needed, budget, None, removal, path)
-        found = None if needed else search.round(rng, budget)
-    if found is None:
-        raise _failure(search, needed, budget, cleared)
-    return found
+            known.removal = fewest_removals(problem, through, needed, rng, budget, make_space)
+            return
+        known.found = None if needed else search.round(rng, budget)
 
 
 def _finished(problem: ObjectPathProblem, found: Corners, rng, budget: SearchBudget) -> ObjectPath:

@@ -14,17 +14,24 @@ class SearchBudget:
         time_limit: wall-clock seconds from now.
         checks: number of motions; infinite: only the time limits the search.
         parent: a budget that this one is a part of; spending from this budget also spends from the parent.
+        seconds: of the time limit that the search can use, if not all.
 
     Attributes:
         checks: number of motions that are left.
         time_limit: as given.
     """
 
-    def __init__(self, time_limit: float, checks: float = np.inf, parent: "SearchBudget | None" = None):
+    def __init__(
+        self,
+        time_limit: float,
+        checks: float = np.inf,
+        parent: "SearchBudget | None" = None,
+        seconds: float | None = None,
+    ):
         self.checks = checks
         self.time_limit = time_limit
         self._all_checks = checks
-        self._deadline = time.monotonic() + time_limit
+        self._deadline = time.monotonic() + (time_limit if seconds is None else seconds)
         self._parent = parent
 
     @property
@@ -36,6 +43,11 @@ class SearchBudget:
     def seconds(self) -> float:
         """Remaining wall-clock seconds."""
         return self._deadline - time.monotonic()
+
+    @property
+    def deadline(self) -> float:
+        """The end of the time, ``time.monotonic()``."""
+        return self._deadline
 
     @property
     def clock_deadline(self) -> float:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from hmap_core.collision.scene_model import Collisions
+from hmap_core.deadline import check_time
 from hmap_core.exceptions import MotionError
 from hmap_core.kinematics.chain import Chain
 from hmap_core.komo.allowances import OVERLAP_ALLOWED, relaxed, verification
@@ -94,6 +95,7 @@ def transit(
     problem = manipulation.problem(transit_skeleton(robot, q), (steps,), path_options(steps))
     alone = problem.arrays()
     cols = _relaxed_at_ends(chain, alone, start, q)
+    check_time()
     result = _solved(problem, cols, start, straight(start, q, steps))
     path = np.concatenate([start[None], result.path]) if result.feasible else None
     if path is not None and not is_free(chain, verification(cols), path):
