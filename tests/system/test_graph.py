@@ -6,6 +6,7 @@ import threading
 import time
 
 import numpy as np
+import policy
 import pytest
 
 from hmap.action_client import ActionClient
@@ -236,6 +237,34 @@ def push_aside(graph) -> None:
 def joints(graph) -> np.ndarray:
     world = call(graph, GetScene, "get_scene", GetScene.Request()).world
     return np.concatenate([robot.position for robot in world.robots])
+
+
+# allowed beside what these nodes do here: parts of the graph that are not always there, and native ROS
+NOT_HERE = (
+    "subscribe /clock",
+    "subscribe /parameter_events",
+    "get_type_description",
+    # of the watchdog in perception, without a world
+    "_arm_controller/follow_joint_trajectory/_action/cancel_goal",
+    "subscribe /supervisor/heartbeat",
+    "request /check_contacts",  # with the parameter check_remotely, and of tools
+    "subscribe /komo_optimiser/heartbeat",
+    "request /load_scene",
+)
+
+
+@pytest.mark.slow
+def test_the_security_policy_allows_what_the_nodes_do_and_no_more(graph):
+    """After those in which robots were moved, so that all clients are there."""
+    for name, parameters in (("recorder", {"path": graph.folder / "bag"}), ("viewer", {"port": 0})):
+        graph.start(name, parameters)
+    graph.wait_until_up()
+    allowed = policy.policy()
+    for name in graph.nodes:
+        done = policy.endpoints(graph.session.node, [name])
+        assert not policy.not_allowed(allowed[f"/hmap/{name}"], done), name
+        left = [text for text in policy.unused(allowed[f"/hmap/{name}"], done) if not text.endswith(NOT_HERE)]
+        assert not left, name
 
 
 def test_every_node_ends_cleanly(graph):

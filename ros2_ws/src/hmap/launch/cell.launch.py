@@ -18,6 +18,7 @@ ARGUMENTS = {
     "dry_run": ("false", "plan and show, and never move anything"),
     "composed": ("false", "supervisor and planners in one process, without services between them"),
     "viewer": ("true", "offer the page for the browser"),
+    "enclaves": ("", "of SROS2, such as /hmap: each process gets the enclave of its name in it; empty: none"),
     "bag": ("bag", "folder of the bag; must not exist yet"),
 }
 
@@ -31,7 +32,8 @@ def generate_launch_description() -> LaunchDescription:
 def _nodes(context) -> list[Node]:
     value = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     cell = read_cell(Path(value["cell"]))
-    nodes = [_node("perception", cell, cell.of("perception"), respawn=True)]
+    enclaves = value["enclaves"]
+    nodes = [_node("perception", cell, cell.of("perception"), enclaves, respawn=True)]
     supervisor = {"dry_run": True} if _yes(value["dry_run"]) else {}
     patience = {"service_patience": RESPAWN_PATIENCE, "state_patience": RESPAWN_PATIENCE}
     parameters = cell.of_planning(supervisor)
@@ -40,13 +42,16 @@ def _nodes(context) -> list[Node]:
         # without a name, which would become that of all nodes in the process; what is given last wins
         given = [word for file in cell.files for word in ("--params-file", str(file))]
         given += [word for text in assignments(composed(parameters)) for word in ("-p", text)]
+        given += _enclave(enclaves, "composed_planning")
         nodes.append(Node(package="hmap", executable="composed_planning", ros_arguments=given, output="screen"))
     else:
-        nodes += [_node(name, cell, table, respawn=name != "supervisor") for name, table in parameters.items()]
+        nodes += [
+            _node(name, cell, table, enclaves, respawn=name != "supervisor") for name, table in parameters.items()
+        ]
     if cell.record:
-        nodes.append(_node("recorder", cell, cell.of("recorder", path=value["bag"]), respawn=False))
+        nodes.append(_node("recorder", cell, cell.of("recorder", path=value["bag"]), enclaves, respawn=False))
     if _yes(value["viewer"]):
-        nodes.append(_node("viewer", cell, cell.of("viewer"), respawn=True))
+        nodes.append(_node("viewer", cell, cell.of("viewer"), enclaves, respawn=True))
     return nodes
 
 
@@ -54,6 +59,10 @@ def _yes(text: str) -> bool:
     return text.lower() in ("true", "1")
 
 
-def _node(name: str, cell: Cell, parameters: dict, **more) -> Node:
-    files = [str(file) for file in cell.files]
-    return Node(package="hmap", executable=name, name=name, parameters=[*files, parameters], output="screen", **more)
+def _node(name: str, cell: Cell, parameters: dict, enclaves: str, **more) -> Node:
+    given = {"parameters": [*map(str, cell.files), parameters], "ros_arguments": _enclave(enclaves, name)}
+    return Node(package="hmap", executable=name, name=name, output="screen", **given, **more)
+
+
+def _enclave(enclaves: str, process: str) -> list[str]:
+    return ["--enclave", f"{enclaves.rstrip('/')}/{process}"] if enclaves else []

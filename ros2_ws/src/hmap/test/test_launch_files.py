@@ -77,6 +77,12 @@ def test_a_cell(monkeypatch, cell):
     assert found["recorder"][2]["path"] == "there"
 
 
+def test_each_process_of_a_cell_gets_its_enclave(monkeypatch, cell):
+    found = started("cell.launch.py", monkeypatch, cell=cell, enclaves="/hmap")
+    assert all(words[:2] == ["--enclave", f"/hmap/{name}"] for name, (_, words, _) in found.items())
+    assert not any("--enclave" in words for _, words, _ in started("cell.launch.py", monkeypatch, cell=cell).values())
+
+
 @pytest.mark.parametrize("file", ["hmap.launch.py", "cell.launch.py"])
 def test_supervisor_and_planners_in_one_process_get_their_own_parameters(monkeypatch, cell, file):
     given = {"cell": cell} if file == "cell.launch.py" else {}
