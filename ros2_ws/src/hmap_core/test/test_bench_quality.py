@@ -10,7 +10,7 @@ from hmap_core.benchmark.quality import medians, quality
 from hmap_core.cli import main
 from hmap_core.planner import plan
 from hmap_core.scenes import load_scene
-from hmap_core.types import Plan, Segment, SegmentKind, Trajectory
+from hmap_core.types import BodyKind, Plan, Segment, SegmentKind, Trajectory
 
 DT = 0.1
 
@@ -48,6 +48,18 @@ def test_a_plan_is_divided_into_free_loaded_and_standing():
     assert measured.detour == pytest.approx((1.0 + 3.0) / 2)  # one straight, one of 1.5 rad for 0.5 rad
     assert measured.swing == pytest.approx(1.0)
     assert measured.episodes == 1
+
+
+def test_the_swing_of_a_tool_is_that_of_its_worst_motion():
+    link = next(iter(load_scene("bolt").robots.values())).model.end_effector_link
+    bodies = load_scene("bolt").bodies
+    tool = next(name for name in bodies if name not in ("bolt", "table"))
+    carried = made_of(
+        (SegmentKind.GRASP, tool, link, line(0.0, 1.0, 0.5)), (SegmentKind.GRASP, "bolt", link, line(0.5, 3.0))
+    )
+    assert quality(carried).tool_swing == 0.0
+    marked = carried.scene.bodies | {tool: replace(carried.scene.bodies[tool], kind=BodyKind.TOOL)}
+    assert quality(replace(carried, scene=replace(carried.scene, bodies=marked))).tool_swing == pytest.approx(1.5)
 
 
 def test_an_episode_ends_where_the_object_is_let_go():

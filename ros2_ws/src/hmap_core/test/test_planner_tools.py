@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 from tool_fixtures import push_out
 
+from hmap_core.benchmark.quality import quality
 from hmap_core.exceptions import HmapError
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import plan
 from hmap_core.planner.segments import attach_body
 from hmap_core.planner.tools import farthest_points
+from hmap_core.scenes import load_scene
 from hmap_core.scenes.portable import scene_from_text, scene_to_text
-from hmap_core.transforms import apply, multiply, pose
+from hmap_core.transforms import apply, multiply, pose, rotation_matrix
 from hmap_core.types import ContactKind, ContactPoint, SegmentKind
 from hmap_core.validation import check
 
@@ -46,6 +48,15 @@ def test_the_same_seed_takes_the_same_tool_the_same_way(tmp_path):
     scene = push_out(tmp_path)
     first, second = (plan(scene, seed=2) for _ in range(2))
     np.testing.assert_array_equal(first.trajectory.joints["arm"], second.trajectory.joints["arm"])
+
+
+def test_the_arm_does_not_swing_between_two_contacts_of_a_tool():
+    found = plan(load_scene("puck_around", seed=1), seed=1)
+    measured = quality(found)
+    assert measured.tool_swing < 2.0 and measured.episodes == 4
+    grasp = next(segment for segment in found.segments if segment.object == "pawn")
+    hand = rotation_matrix(found.scene.bodies["pawn"].pose) @ rotation_matrix(grasp.contact_pose)
+    assert hand[2, 2] < -0.7  # from above: the last joint alone turns the tool about the vertical
 
 
 def test_what_is_held_rests_in_the_grip_while_it_is_worked_with(tmp_path):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from hmap_core.trajectory.samples import index_at
-from hmap_core.types import Plan, Segment, SegmentKind
+from hmap_core.types import BodyKind, Plan, Segment, SegmentKind
 
 STILL = 1e-7  # rad; joints that move less between two samples stand
 LONG = 0.3  # rad; shorter motions say nothing about the ratio of path and straight line
@@ -23,6 +23,7 @@ class Quality:
         standing: s, in which no joint moves: fingers open, close and settle.
         detour: median over the free motions of the joint path's length by that of the straight joint line.
         swing: rad, largest travel of one joint in a free motion beyond what its end requires.
+        tool_swing: rad, largest travel of one joint in a motion that brings a tool from one place to the next.
         episodes: contacts of a hand, or of what is attached to it, with an object.
     """
 
@@ -32,6 +33,7 @@ class Quality:
     standing: float
     detour: float
     swing: float
+    tool_swing: float
     episodes: int
 
 
@@ -40,7 +42,7 @@ def quality(plan: Plan) -> Quality:
     time = plan.trajectory.time
     moving = np.zeros(len(time) - 1, bool)
     loaded = np.zeros(len(time) - 1, bool)
-    detours, swings = [], []
+    detours, swings, tool_swings = [], [], []
     for segment in plan.segments:
         rows = _samples(plan, segment)
         q = plan.trajectory.joints[segment.robot][rows]
@@ -49,6 +51,8 @@ def quality(plan: Plan) -> Quality:
         moving[window] |= steps > STILL
         if segment.kind != SegmentKind.TRANSIT:
             loaded[window] |= steps > STILL
+            if segment.kind == SegmentKind.GRASP and _is_tool(plan, segment.contact_object):
+                tool_swings.append(float(np.abs(np.diff(q, axis=0)).sum(axis=0).max(initial=0.0)))
             continue
         line = float(np.linalg.norm(q[-1] - q[0]))
         if line > LONG:
@@ -62,8 +66,13 @@ def quality(plan: Plan) -> Quality:
         standing=dt * int((~moving).sum()),
         detour=float(np.median(detours)) if detours else 1.0,
         swing=max(swings, default=0.0),
+        tool_swing=max(tool_swings, default=0.0),
         episodes=_episodes(plan),
     )
+
+
+def _is_tool(plan: Plan, body: str) -> bool:
+    return plan.scene.bodies[body].kind == BodyKind.TOOL and body != plan.scene.goal.object
 
 
 def _samples(plan: Plan, segment: Segment) -> slice:

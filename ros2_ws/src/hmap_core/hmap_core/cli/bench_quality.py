@@ -17,6 +17,7 @@ COLUMNS = {  # headings, and what :class:`hmap_core.benchmark.quality.Quality` c
     "standing s": "standing",
     "detour": "detour",
     "swing rad": "swing",
+    "tool rad": "tool_swing",
     "episodes": "episodes",
 }
 

@@ -10,7 +10,7 @@ fixed distances.
 
 import math
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
@@ -35,6 +35,7 @@ MAX_JUMP = 0.2  # rad a joint may turn between two neighbouring poses: about a c
 COARSE_POSES = 24  # places of the object's path at which the hand alone is looked at
 CHUNK = 4  # candidates solved together
 MAX_SOLVED = 64  # candidates solved at most
+PER_ORIENTATION = 4  # of these, of each orientation of an attached tool, from where the robot is
 STRETCHED = 0.85  # of an arm's span, from where on it seldom follows
 OPENING_RESOLUTION = 1e-4  # m: contacts whose fingers open alike to this are checked together
 
@@ -66,25 +67,34 @@ def feasible_contacts(
     """The contacts that can be taken at object_poses[0] and carry the object to at least pose ``least`` of (M, 7).
 
     ``release`` (M,) says at which poses the object may be let go. Stops when ``enough`` were found and none that is
-    left could serve farther than the best of them, or after the ``deadline`` (``time.monotonic()``).
+    left could serve farther than the best of them, or after the ``deadline`` (``time.monotonic()``). With a tool attached,
+    configurations near the present one come first: between two contacts of a tool, the arm should not swing.
     """
     order, bound = promising(manipulation, contacts, object_poses, release, least)
     found: list[Feasible] = []
-    for first in range(0, len(order), CHUNK):
-        chunk = order[first : first + CHUNK]
-        best = max((len(f.keyframes) - 1 for f in found), default=-1)
-        if len(found) >= enough and bound[chunk[0]] <= best:
-            break
-        ok, q = reachable(manipulation, [contacts[k] for k in chunk], object_poses[0], rng)
-        for k, configuration in zip(np.array(chunk)[ok], q[ok], strict=True):
-            if len(found) >= enough and bound[k] <= max(len(f.keyframes) - 1 for f in found):
-                break
-            if time.monotonic() > deadline:
-                return found
-            ahead = slice(0, bound[k] + 1)
-            keyframes = carried(manipulation, contacts[k], configuration, object_poses[ahead], release[ahead])
-            if len(keyframes) > least:
-                found.append(Feasible(int(k), keyframes))
+
+    def best() -> int:
+        return max((len(f.keyframes) - 1 for f in found), default=-1)
+
+    def try_all(some: Sequence[int], near: bool) -> None:
+        for first in range(0, len(some), CHUNK):
+            chunk = some[first : first + CHUNK]
+            if len(found) >= enough and max(bound[chunk]) <= best():
+                return
+            ok, q = reachable(manipulation, [contacts[k] for k in chunk], object_poses[0], rng, near=near)
+            for k, configuration in zip(np.array(chunk)[ok], q[ok], strict=True):
+                if (len(found) >= enough and bound[k] <= best()) or time.monotonic() > deadline:
+                    return
+                ahead = slice(0, bound[k] + 1)
+                keyframes = carried(manipulation, contacts[k], configuration, object_poses[ahead], release[ahead])
+                if len(keyframes) > least:
+                    found.append(Feasible(int(k), keyframes))
+
+    if order and manipulation.scene.robots[manipulation.robot].model.attached is not None:
+        try_all(_nearest(manipulation, contacts, order, object_poses[0]), near=True)
+        if best() >= bound[order[0]]:
+            return found
+    try_all(order, near=False)
     return found
 
 
@@ -110,6 +120,24 @@ def promising(
     bound = np.where(bound >= 0, np.where(last <= bound, last, -1), -1)
     order = np.lexsort((np.arange(len(contacts)), stretch.max(axis=1) > STRETCHED, -bound))
     return [int(k) for k in order if bound[k] >= least][:MAX_SOLVED], bound
+
+
+def _nearest(
+    manipulation: Manipulation, contacts: Sequence[ContactPoint], order: Sequence[int], T_world_obj: np.ndarray
+) -> list[int]:
+    """Of contacts of an attached tool in an order, some of each orientation of the tool, the least turned ones first."""
+    robot = manipulation.scene.robots[manipulation.robot]
+    now = multiply(robot.base_pose, manipulation.arm.end_effector(manipulation.state.q[manipulation.robot]))
+    frames = rotation_matrices(np.array([contacts[k].T_obj_ee for k in order]))
+    turned = (rotation_matrix(now).T @ rotation_matrix(T_world_obj) @ frames).reshape(-1, 9)
+    counts: Counter[tuple[float, ...]] = Counter()
+    kept = []
+    for place, orientation in enumerate(np.round(turned, 1).tolist()):
+        counts[tuple(orientation)] += 1
+        if counts[tuple(orientation)] <= PER_ORIENTATION:
+            kept.append(place)
+    angle = np.arccos(np.clip(0.5 * (turned[kept][:, [0, 4, 8]].sum(axis=1) - 1.0), -1.0, 1.0))
+    return [int(order[kept[k]]) for k in np.argsort(angle, kind="stable")]
 
 
 def reach_bounds(manipulation: Manipulation, contacts: Sequence[ContactPoint], object_poses: np.ndarray) -> np.ndarray:
@@ -210,12 +238,14 @@ def reachable(
     T_world_obj: np.ndarray,
     rng: np.random.Generator,
     from_home: bool = True,
+    near: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Which contacts can be come to with the object at T_world_obj (7,): (ok (K,), configurations in contact (K, n)).
 
-    Inverse kinematics starts from home, unless ``from_home`` is False, and from random configurations.
+    Inverse kinematics starts from home, unless ``from_home`` is False, and from random configurations; if ``near``, only
+    from where the robot is.
     """
-    access, q = accesses(manipulation, contacts, T_world_obj, rng, from_home)
+    access, q = accesses(manipulation, contacts, T_world_obj, rng, from_home, near)
     return access == Access.FREE, q
 
 
@@ -225,13 +255,17 @@ def accesses(
     T_world_obj: np.ndarray,
     rng: np.random.Generator,
     from_home: bool = True,
+    near: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """As :func:`reachable`, with how far the robot comes to each contact: (:class:`Access` (K,), configurations)."""
     n = manipulation.model.n
     access, q = np.full(len(contacts), int(Access.NO_IK)), np.zeros((len(contacts), n))
     chain = manipulation.model.chain
     home = manipulation.scene.robots[manipulation.robot].model.home
-    starts = [home] * from_home + [*rng.uniform(chain.lower, chain.upper, (RESTARTS, n))]
+    if near:
+        starts = [manipulation.state.q[manipulation.robot]]
+    else:
+        starts = [home] * from_home + [*rng.uniform(chain.lower, chain.upper, (RESTARTS, n))]
     for members in alike(contacts):
         check_time()
         index = np.array(members)

@@ -14,10 +14,11 @@ from hmap_core.planner.interfaces import RobotContact
 from hmap_core.planner.loads import weight_problem
 from hmap_core.planner.protocols import ContactChecker, ContactProposer, ContactQuery, ContactSearchQuery
 from hmap_core.planner.sampled_contacts import sampled_surface
-from hmap_core.types import Scene
+from hmap_core.types import Scene, SceneState
 
 STRETCH_WEIGHT = 0.7  # share of a contact's score that is lost when the arm is stretched out
 SCORE_WEIGHT = 0.1  # poses of the path that one point of the sampler's score counts for
+SWING_COST = 1.0  # poses of the path that a turn of a joint by 1 rad counts for, on the way to the contact
 
 
 class ProposeAndCheck:
@@ -77,7 +78,7 @@ class ProposeAndCheck:
                 + (f": {heavy}" if heavy else ""),
                 Code.NO_CONTACT,
             )
-        found.sort(key=lambda contact: -contact_score(query.scene, contact))
+        found.sort(key=lambda contact: swing_cost(query.state, contact) - contact_score(query.scene, contact))
         return found[: query.count or None]
 
 
@@ -127,3 +128,8 @@ def contact_score(scene: Scene, contact: RobotContact) -> float:
     tips = [p[-1] + R[-1] @ arm.T_tip_ee[:3, 3] for R, p in frames]
     stretch = max(float(np.linalg.norm(tip - arm.p_joint[0])) for tip in tips) / arm.length
     return (contact.reach + SCORE_WEIGHT * contact.contact.score) * (1.0 - STRETCH_WEIGHT * stretch**2)
+
+
+def swing_cost(state: SceneState, contact: RobotContact) -> float:
+    """What the way of the arm to a contact costs, in poses of the object's path: by the joint that turns farthest."""
+    return SWING_COST * float(np.abs(contact.keyframes[0] - state.q[contact.robot]).max())

@@ -40,6 +40,9 @@ class Manipulator:
         if grasp is None:
             state = with_tool_placed(state, task.sequence.tool_grasp)
             return Manipulator(scene, state, nearest_first(scene, object, state, tuple(scene.robots)), None)
+        if task.sequence.tool_grasp is None:  # the robot comes from where it picks the tool
+            state = state.copy()
+            state.q[grasp.robot] = grasp.contact.keyframes[0]
         return Manipulator(attach_tool(scene, grasp), state, (grasp.robot,), grasp)
 
     def others_first(self, contacts: list[RobotContact]) -> "Manipulator":

@@ -11,19 +11,28 @@ from hmap_core.planner.contact_checker import cleared, least_reach, secure_grasp
 from hmap_core.planner.interfaces import RobotContact, ToolGrasp
 from hmap_core.planner.protocols import ContactProposals, ContactProposer, ContactQuery, ManipulatorRanker
 from hmap_core.planner.tools import attach_tool, farthest_points, tools_of, within_reach
-from hmap_core.types import Scene, SceneState
+from hmap_core.transforms import rotation_matrix
+from hmap_core.types import ContactPoint, Scene, SceneState
 
 TRIED = 16  # grasps on a tool for which inverse kinematics is solved
 KEPT = 8  # of them, per robot
 RANKED_FIRST = 3  # of these; the others are ranked only if the best of the first is good
 LOOKED_AT = 2  # of the best that a ranker names
 CERTAIN = 0.5  # probability times share of the path, from which on no contact is generated to compare grasps
+FROM_ABOVE = float(np.cos(np.deg2rad(45.0)))  # cosine between the hand's approach and the vertical
 SHARE_OF_BEST = 0.5  # reach, as a share of the best, from which on a tool and robot count as good
 
 
-def _by_reach(entry: tuple[ToolGrasp, int, int]) -> tuple[int, int]:
-    """Sorts grasps by how far they serve, then by with how many contacts, the best first."""
-    return -entry[1], -entry[2]
+def _by_reach(entry: tuple[ToolGrasp, int, int]) -> tuple[int, bool, int]:
+    """Sorts grasps by how far they serve, then from above, then by with how many contacts, the best first."""
+    grasp, bound, count = entry
+    return -bound, not _from_above(grasp.contact.contact, grasp.T_place), -count
+
+
+def _from_above(contact: ContactPoint, T_tool: np.ndarray) -> bool:
+    """Whether a hand comes rather from above to a tool at T_tool (7,); its last joint turns the tool alone then."""
+    toward = rotation_matrix(T_tool) @ rotation_matrix(contact.T_obj_ee) @ contact.approach
+    return bool(toward[2] < -FROM_ABOVE)
 
 
 class ToolGraspFinder(Protocol):
@@ -137,7 +146,8 @@ class ToolGraspSearch:
         if not contacts:
             return []
         ok, q = reachable(manipulation, contacts, T_tool, rng)
-        return [RobotContact(robot, contacts[k], 0, q[k][None], away) for k in np.flatnonzero(ok)][:KEPT]
+        kept = sorted(np.flatnonzero(ok), key=lambda k: not _from_above(contacts[k], T_tool))[:KEPT]
+        return [RobotContact(robot, contacts[k], 0, q[k][None], away) for k in kept]
 
     def _bound(
         self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, robot: str, rng, every: bool
