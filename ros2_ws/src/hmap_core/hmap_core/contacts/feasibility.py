@@ -67,8 +67,8 @@ def feasible_contacts(
     """The contacts that can be taken at object_poses[0] and carry the object to at least pose ``least`` of (M, 7).
 
     ``release`` (M,) says at which poses the object may be let go. Stops when ``enough`` were found and none that is
-    left could serve farther than the best of them, or after the ``deadline`` (``time.monotonic()``). With a tool attached,
-    configurations near the present one come first: between two contacts of a tool, the arm should not swing.
+    left could serve farther than the best of them, or after the ``deadline`` (``time.monotonic()``). With a tool
+    attached, configurations near the present one come first: between two contacts of a tool, the arm should not swing.
     """
     order, bound = promising(manipulation, contacts, object_poses, release, least)
     found: list[Feasible] = []
@@ -125,7 +125,7 @@ def promising(
 def _nearest(
     manipulation: Manipulation, contacts: Sequence[ContactPoint], order: Sequence[int], T_world_obj: np.ndarray
 ) -> list[int]:
-    """Of contacts of an attached tool in an order, some of each orientation of the tool, the least turned ones first."""
+    """Of contacts of an attached tool in an order, some of each of its orientations, the least turned ones first."""
     robot = manipulation.scene.robots[manipulation.robot]
     now = multiply(robot.base_pose, manipulation.arm.end_effector(manipulation.state.q[manipulation.robot]))
     frames = rotation_matrices(np.array([contacts[k].T_obj_ee for k in order]))
@@ -242,8 +242,8 @@ def reachable(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Which contacts can be come to with the object at T_world_obj (7,): (ok (K,), configurations in contact (K, n)).
 
-    Inverse kinematics starts from home, unless ``from_home`` is False, and from random configurations; if ``near``, only
-    from where the robot is.
+    Inverse kinematics starts from home, unless ``from_home`` is False, and from random configurations; if ``near``,
+    only from where the robot is.
     """
     access, q = accesses(manipulation, contacts, T_world_obj, rng, from_home, near)
     return access == Access.FREE, q

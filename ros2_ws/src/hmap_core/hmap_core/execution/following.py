@@ -12,6 +12,7 @@ from hmap_core.execution.ports import Ports
 from hmap_core.execution.report import Deviation, ExecutionReport
 from hmap_core.execution.stretch_clock import StretchClock
 from hmap_core.execution.stretches import Stretch, check_executable, joint_trajectory, stretches
+from hmap_core.execution.tool_offsets import ToolOffsets
 from hmap_core.execution.watcher import MOVED_LIMIT, Watcher, deviation
 from hmap_core.trajectory.samples import index_at
 from hmap_core.types import Plan
@@ -55,7 +56,23 @@ class Following:
         self._stretch = self.stretches[0]
         self.watcher = Watcher(plan, ports, places)
         self._ports, self._hands, self._on_stop = ports, hands, on_stop
+        self._tools = ToolOffsets(plan)
         self._obstacles = ObstacleMonitor(plan, ports, hands, lambda sample: free_tools(plan, sample))
+
+    def look_at_tools(self, sample: int, tools: Mapping[str, str]) -> None:
+        """At rest: see how tools are held; from now on the hands move so that the tools follow the plan.
+
+        Args:
+            sample: of the plan, up to which it was followed.
+            tools: robot -> the tool that it holds.
+
+        Raises:
+            InputError: STALE_STATE; there is no state.
+        """
+        if tools:
+            state = self._ports.observation.settled()
+            for robot, tool in tools.items():
+                self._tools.look(robot, tool, sample, state)
 
     def follow(self, stretch: Stretch) -> None:
         """Execute one stretch: grip or let go, then move. Where a body comes in the way, stop and free the hands.
@@ -132,6 +149,7 @@ class Following:
         robots = self.plan.scene.robots
         motions = {name: joint_trajectory(self.plan, name, stretch) for name in robots}
         motions = {name: own for name, own in motions.items() if np.ptp(own.positions, axis=0).max() > MOVING}
+        motions = {name: self._tools.corrected(name, own, name in stretch.held) for name, own in motions.items()}
         moving = self._hands.start(robots, motions)
         clock = StretchClock(self.plan, stretch, moving.clock_now)
 

@@ -113,23 +113,28 @@ class PlanExecutor:
 
     def _followed(self, following: Following, recovery: Recovery) -> ExecutionError | None:
         """Follow a plan to its end, or until it cannot be followed on: then the reason."""
-        moved = handled = False  # anything, anything but a tool since the last look
-        time = following.plan.trajectory.time
+        moved = False  # anything since the last look
+        plan = following.plan
+        time = plan.trajectory.time
         try:
-            for stretch in following.stretches:
+            if recovery.may_replan and self._tools:
+                following.look_at_tools(0, {robot: grasp.tool for robot, grasp in self._tools.items()})
+            for stretch, ahead in zip(following.stretches, (*following.stretches[1:], None), strict=True):
                 if self._on_progress:
                     self._on_progress(float(time[stretch.first]), float(time[-1]), stretch.label)
                 following.follow(stretch)
-                look = recovery.may_replan and stretch is not following.stretches[-1]
+                look = recovery.may_replan and ahead is not None
                 if look:
                     following.watcher.check_lost(following.sample)
                 if self._on_stretch:
                     self._on_stretch(stretch)
                 moved |= bool(stretch.touched)
-                handled |= bool(stretch.touched) and not stretch.apart
-                if look and ((moved and stretch.free) or (handled and stretch.apart)):
-                    moved = handled = False
+                # not with a tool on the object: it is looked at before the tool comes to it
+                apart = stretch.free or (stretch.apart and ahead is not None and ahead.apart)
+                if look and moved and apart:
+                    moved = False
                     following.watcher.check_drift(following.sample, recovery.policy.drift)
+                    following.look_at_tools(following.sample, self._attached_tools(plan))
         except ExecutionError as failure:
             return failure
         return None
@@ -164,6 +169,12 @@ class PlanExecutor:
     ) -> ExecutionReport:
         """The report on a plan that was not followed to its end; a drift alone is no failure."""
         return following.report(began, policy.strict, None if isinstance(failure, Drifted) else failure)
+
+    def _attached_tools(self, plan: Plan) -> dict[str, str]:
+        """Robot -> the tool that it holds."""
+        goal, bodies = plan.scene.goal.object, plan.scene.bodies
+        held = self._hands.held.items()
+        return {robot: body for robot, body in held if bodies[body].kind is BodyKind.TOOL and body != goal}
 
     def _kept_tools(self, following: Following) -> dict[str, ToolGrasp]:
         """The tool that stays attached: if it is the only thing in hands, and held as planned."""
