@@ -16,6 +16,7 @@ RESERVE = 0.05
 MOST_RESERVE = 0.1  # s
 
 _DEADLINE: ContextVar[float] = ContextVar("deadline", default=math.inf)
+_CPU_DEADLINE: ContextVar[float] = ContextVar("cpu_deadline", default=math.inf)
 
 
 @contextmanager
@@ -26,6 +27,21 @@ def until(deadline: float) -> Iterator[None]:
         yield
     finally:
         _DEADLINE.reset(token)
+
+
+@contextmanager
+def within_cpu_time(seconds: float) -> Iterator[None]:
+    """Run a block that may take some processor time of this process, however long it has to wait for the processor."""
+    token = _CPU_DEADLINE.set(min(time.process_time() + seconds, _CPU_DEADLINE.get()))
+    try:
+        yield
+    finally:
+        _CPU_DEADLINE.reset(token)
+
+
+def cpu_time_used_up() -> bool:
+    """Whether the processor time of :func:`within_cpu_time` is used up."""
+    return time.process_time() > _CPU_DEADLINE.get()
 
 
 def deadline() -> float:
@@ -45,7 +61,8 @@ def check_time(ahead: float = 0.0) -> None:
         ahead: s that the next step takes.
 
     Raises:
-        PlannerError: TIME_LIMIT; the deadline has passed, or will pass within this step.
+        PlannerError: TIME_LIMIT; the deadline has passed, or will pass within this step, or the processor time is used
+            up.
     """
-    if time.monotonic() + ahead > _DEADLINE.get():
+    if time.monotonic() + ahead > _DEADLINE.get() or cpu_time_used_up():
         raise PlannerError("no time is left", Code.TIME_LIMIT)

@@ -10,6 +10,7 @@ from hmap_core.exceptions import HmapError, InputError
 
 HELP = "plan a task, let the judge check the plan, and write it to a file"
 DEFAULT_TIME_LIMIT = 60.0  # s
+DEFAULT_CPU_LIMIT = 10.0  # s of processor time that planning has if no time limit is given
 ANIMATION_SUFFIX = ".gif"
 
 
@@ -18,8 +19,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("task", metavar="TASK", help="a name of `hmap tasks`, or a task file (.yaml)")
     seed_argument(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="the plan file (TASK-SEED.json)")
-    limit = f"for planning ({DEFAULT_TIME_LIMIT:g})"
-    parser.add_argument("--time-limit", type=positive, default=DEFAULT_TIME_LIMIT, metavar="SECONDS", help=limit)
+    limit = f"for planning ({DEFAULT_TIME_LIMIT:g}, and {DEFAULT_CPU_LIMIT:g} of processor time)"
+    parser.add_argument("--time-limit", type=positive, metavar="SECONDS", help=limit)
     parser.add_argument("--picture", type=Path, metavar="PNG", help="draw key frames of the plan, too")
     parser.add_argument("--animation", type=Path, metavar="GIF", help="draw the plan as an animated GIF, too")
     parts_arguments(parser)

@@ -15,6 +15,10 @@ from hmap_core.planner.sweep import nearest, placed, robot_sweeps
 from hmap_core.planner.tool_grasps import ToolGraspFinder
 from hmap_core.types import Scene, SceneState
 
+class NoneServes(ContactError):
+    """There are feasible contacts, and none of them is what was asked for."""
+
+
 Predicate = Callable[[ContactSearchQuery, RobotContact], bool]
 Cost = Callable[[ContactSearchQuery, RobotContact], float]
 
@@ -35,12 +39,13 @@ class PredicateFilter:
         """Find contacts for which the predicate holds.
 
         Raises:
-            ContactError: NO_CONTACT; there are none.
+            ContactError: NO_CONTACT; there are none at all.
+            NoneServes: the predicate holds for none.
         """
         contacts = self._finder.find_contacts(query)
         kept = [contact for contact in contacts if self._predicate(query, contact)]
         if not kept:
-            raise ContactError(f"none of {len(contacts)} contacts {self._requirement}", Code.NO_CONTACT)
+            raise NoneServes(f"none of {len(contacts)} contacts {self._requirement}", Code.NO_CONTACT)
         return kept
 
 
@@ -133,7 +138,7 @@ class AttachedPathContact:
         """Return the contact of the path.
 
         Raises:
-            ContactError: NO_CONTACT; it does not cover the path, or it was returned before.
+            NoneServes: it does not cover the path, or it was returned before.
         """
         path, poses, key = self._path, query.object_poses, query.object_poses.tobytes()
         found: list[RobotContact] = []
@@ -143,9 +148,7 @@ class AttachedPathContact:
             found = self._checker.check(own, [path.contact])
         found = [contact for contact in found if covers_path(query, contact)]
         if not found:
-            raise ContactError(
-                f"the hand of '{path.robot}' does not carry '{query.object}' all the way", Code.NO_CONTACT
-            )
+            raise NoneServes(f"the hand of '{path.robot}' does not carry '{query.object}' all the way", Code.NO_CONTACT)
         return found
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hmap_core.contacts.camera import Cloud
-from hmap_core.deadline import usable
+from hmap_core.deadline import cpu_time_used_up, usable
 from hmap_core.exceptions import Code, HmapError, PlannerError
 from hmap_core.planner.components import PlannerComponents
 from hmap_core.planner.interfaces import Progress, ProgressCallback, ToolGrasp
@@ -132,6 +132,9 @@ class SearchContext:
         """
         if self.budget.cancel():
             raise PlannerError("planning was canceled", Code.CANCELED)
+        if cpu_time_used_up():
+            limit = "the processor time that planning has by default; give a time limit for more"
+            raise PlannerError(f"no plan within {limit}; last: {self.record.reason}", Code.TIME_LIMIT)
         left = self.budget.deadline - time.monotonic()
         if left <= 0.0:
             limit = self.budget.time_limit

@@ -4,18 +4,20 @@ The friction of the support acts on the bottom of a dragged object and rotates i
 on its leading edge. It then jams between hand and support, whatever the friction of the pads, if the friction has the
 longer lever: mu h > a, with h the height of the grasp above the support and a the distance of the edge ahead of it. An
 object whose path rises anyway leaves its support upwards and reaches the next one from above, since a level motion
-would hit its edge.
+would hit its edge. It passes over the edges of both with ROOM, since objects sag between soft pads by some degrees.
 """
 
 from dataclasses import replace
 
 import numpy as np
 
+from hmap_core.collision.convex import set_distance
 from hmap_core.contacts.feasibility import carried
 from hmap_core.contacts.grasp_torque import weight_torque_ratio
 from hmap_core.contacts.grip_force import lifting_problem, weight_ratio
 from hmap_core.contacts.push import SlidingBody
 from hmap_core.komo.manipulation import Manipulation
+from hmap_core.komo.shapes import body_set
 from hmap_core.planner.interfaces import RobotContact
 from hmap_core.transforms import multiply, pose, rotation_matrix
 from hmap_core.types import Body, ContactKind, ContactPoint, Scene, SceneState
@@ -23,6 +25,8 @@ from hmap_core.waypoints import DEFAULT_MIN_DISTANCE, ObjectPathProblem
 from hmap_core.waypoints.checker import Geometry, ObjectChecker
 
 LIFT = 0.01  # m off the support
+ROOM = 0.008  # m from its supports that an object keeps on its way between them, where it can rise by LIFT
+TOUCHED = 1e-3  # m from a body that supports an object
 RISE = 3  # steps of a straight way up
 SAME_HEIGHT = 1e-3  # m; a path that is lower has left the support
 
@@ -60,8 +64,13 @@ def lifted(
     checker = ObjectChecker(problem, Geometry(problem), False, DEFAULT_MIN_DISTANCE)
     manipulation = Manipulation(scene, state, contact.robot, object)
     last = np.arange(len(poses)) == len(poses) - 1
-    for first, second in ((head, tail), (0, tail), (head, 0)):
-        higher = raised(poses, first, second)
+    higher = raised(poses, head, tail)
+    between = slice(head, len(poses) - tail)
+    ways = [higher, raised(poses, 0, tail), raised(poses, head, 0)]
+    if flies and _passes_closely(body, higher, between, obstacles):
+        ways.insert(0, higher.copy())
+        ways[0][between, 2] += LIFT
+    for higher in ways:
         if np.array_equal(higher, poses):
             continue
         if not all(checker.motion_free(a, b) for a, b in zip(higher, higher[1:], strict=False)):
@@ -114,6 +123,18 @@ def raised_at_ends(poses: np.ndarray) -> np.ndarray:
     higher = raised(poses, _low(poses), _low(poses[::-1]))
     up = np.outer(np.linspace(0.0, LIFT, RISE + 1), np.eye(7)[2])
     return np.concatenate([higher[0] + up, higher[1:-1], (higher[-1] + up)[::-1]])
+
+
+def _passes_closely(body: Body, poses: np.ndarray, between: slice, obstacles: tuple[Body, ...]) -> bool:
+    """Whether a body comes nearer than ROOM to one of its supports at both ends, ``between`` these poses (M, 7)."""
+    own, ends = body_set(body), poses[[0, -1]]
+    for other in obstacles:
+        around, T_other = body_set(other), other.pose
+        if all(set_distance(own, T, around, T_other, 2.0 * TOUCHED) > TOUCHED for T in ends):
+            continue
+        if any(set_distance(own, T, around, T_other, 2.0 * ROOM) < ROOM for T in poses[between]):
+            return True
+    return False
 
 
 def _low(poses: np.ndarray) -> int:

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from hmap_core.exceptions import Code, HmapError, PlannerError
+from hmap_core.planner.contact_filters import NoneServes
 from hmap_core.planner.context import SearchContext
 from hmap_core.planner.diagnosis import hand_fits
 from hmap_core.planner.immovable import why_immovable
@@ -22,6 +23,7 @@ from hmap_core.types import Goal, Scene, SceneState, TaskMode
 
 PLACES = 10  # for one obstacle to which one contact has to carry it
 PLACES_WITHOUT_CONTACT = 4  # after which several contacts in turn are tried
+PLACES_UNREACHED = 2  # after which the body counts as out of reach where it is: no contact was feasible at all
 PLACES_ALIKE = 2  # of these at one height, after which places at other heights come first
 PLACES_BY_STAGES = 3  # to which several contacts in turn are tried
 PLACES_BLOCKED = 2  # to which other bodies block the way, after which these are removed as well
@@ -47,6 +49,10 @@ class BlockedError(RemovalError):
     """Another body would have to be removed first, which may not be moved for this subgoal."""
 
 
+class PostponedError(BlockedError):
+    """A body is removed after others, if these can be removed."""
+
+
 class Instance(Protocol):
     """What removal needs of the search."""
 
@@ -60,7 +66,12 @@ class Instance(Protocol):
 def raise_if_alone(subgoal: Subgoal, blocker: str) -> None:
     """Raise BlockedError if a body is in the way of a subgoal for which no other body may be moved."""
     if subgoal.alone:
-        raise BlockedError(f"'{blocker}' is in the way of '{subgoal.goal.object}'", Code.NO_OBJECT_PATH)
+        raise blocked(subgoal, blocker)
+
+
+def blocked(subgoal: Subgoal, blocker: str) -> BlockedError:
+    """The failure of a subgoal for which no other body may be moved, and a body is in its way."""
+    return BlockedError(f"'{blocker}' is in the way of '{subgoal.goal.object}'", Code.NO_OBJECT_PATH)
 
 
 def raise_if_final(error: HmapError) -> None:
@@ -86,6 +97,7 @@ class ObstacleRemoval:
     begun: int = 0
     failed: dict[tuple, HmapError] = field(default_factory=dict)
     _fitting: dict[tuple, bool] = field(default_factory=dict)
+    _postponed: dict[tuple, "_Tries"] = field(default_factory=dict)
 
     @property
     def _scene(self) -> Scene:
@@ -108,17 +120,22 @@ class ObstacleRemoval:
         raise_if_alone(subgoal, names[0])
         waiting = list(names)
         failure: tuple[str, HmapError] | None = None
+        others_first = len(waiting) > 1  # a body that others cover waits for these
         while waiting:
             before = len(waiting)
             for name in self._within_reach(waiting, sequence):
                 if name not in sequence.aside:
                     try:
-                        sequence = self._remove(name, subgoal, sequence, sweeps, frozenset(waiting))
+                        sequence = self._remove(name, subgoal, sequence, sweeps, frozenset(waiting), others_first)
                     except HmapError as error:
                         raise_if_final(error)
                         failure = name, error
                         continue
                 waiting.remove(name)
+            if len(waiting) == before and others_first:
+                others_first = False
+                continue
+            others_first = len(waiting) > 1
             if len(waiting) == before and failure is not None:
                 name, cause = failure
                 stuck = RemovalError(
@@ -147,13 +164,23 @@ class ObstacleRemoval:
         return self._fitting[key]
 
     def _remove(
-        self, name: str, subgoal: Subgoal, sequence: SolutionSequence, sweeps, waiting: frozenset[str]
+        self,
+        name: str,
+        subgoal: Subgoal,
+        sequence: SolutionSequence,
+        sweeps: Sequence[Sweep],
+        waiting: frozenset[str],
+        others_first: bool,
     ) -> SolutionSequence:
-        """Remove one body; nothing is placed on those that are ``waiting`` to be removed."""
-        self._count()
+        """Remove one body; nothing is placed on those that are ``waiting`` to be removed.
+
+        Raises:
+            BlockedError: ``others_first``, and others are in its way.
+        """
         key = name, subgoal.busy, tuple(T.tobytes() for T in sequence.state.poses.values())
         if key in self.failed:
             raise self.failed[key]
+        self._count()
         keep_out = (*subgoal.keep_out, *sweeps)
         own = Subgoal(
             Goal(name, sequence.state.poses[name]),
@@ -173,33 +200,46 @@ class ObstacleRemoval:
             if others and not self._hand_fits(name, sequence.state):
                 moved = self._uncovered(own, islice((*given, *islice(found, PLACES_BLOCKED)), PLACES_BLOCKED), sequence)
             else:
-                moved = self._to_first(given, islice(found, PLACES), alone, own if others else None, sequence)
+                tries = self._postponed.pop(key, None) or self._tried(given, islice(found, PLACES), alone, sequence)
+                if tries.done is None and others_first and tries.blocked:
+                    self._postponed[key] = tries
+                    self.begun -= 1
+                    raise PostponedError(f"'{name}' is behind others", Code.NO_OBJECT_PATH)
+                moved = self._to_first(tries, alone, own if others else None)
+        except PostponedError:
+            raise
         except HmapError as error:
             self.failed[key] = error
             raise
         return replace(moved, aside=(*moved.aside, name), depth=max(moved.depth, own.depth))
 
-    def _to_first(
-        self,
-        given: Sequence[np.ndarray],
-        places: Iterable[np.ndarray],
-        alone: Subgoal,
-        own: Subgoal | None,
-        sequence: SolutionSequence,
-    ) -> SolutionSequence:
-        """Bring a body to the first place to which it can go.
+    def _tried(
+        self, given: Sequence[np.ndarray], places: Iterable[np.ndarray], alone: Subgoal, sequence: SolutionSequence
+    ) -> "_Tries":
+        """Try to bring a body to one of some places by one contact, with all others where they are.
 
         Args:
-            given: places that the task gives.
+            given: places that the task gives, for which several contacts are allowed.
             places: places that are computed, the best first.
             alone: the subgoal as long as no other body is moved.
-            own: the subgoal that may move others; None if there are none.
             sequence: what has been done already.
         """
         tries = _Tries(self.search, sequence)
-        found = tries.first(alone, given)
-        if found is None:
-            found = tries.first(replace(alone, whole=True), takewhile(lambda _: not tries.enough, tries.varied(places)))
+        tries.done = tries.first(alone, given)
+        if tries.done is None:
+            varied = takewhile(lambda _: not tries.enough, tries.varied(places))
+            tries.done = tries.first(replace(alone, whole=True), varied)
+        return tries
+
+    def _to_first(self, tries: "_Tries", alone: Subgoal, own: Subgoal | None) -> SolutionSequence:
+        """Bring a body to the first place to which it can go.
+
+        Args:
+            tries: what one contact has reached.
+            alone: the subgoal as long as no other body is moved.
+            own: the subgoal that may move others; None if there are none.
+        """
+        found = tries.done
         if found is None:
             found = tries.first(alone, tries.stuck[:PLACES_BY_STAGES])
         if found is None and own is not None:
@@ -238,6 +278,7 @@ class _Tries:
         blocked: places to which other bodies block the way.
         stuck: places to which there is a path, but no contacts or motions that follow it.
         failure: why the last try failed.
+        done: the sequence after a try that was successful.
     """
 
     def __init__(self, search: Instance, sequence: SolutionSequence):
@@ -245,13 +286,16 @@ class _Tries:
         self.blocked: list[np.ndarray] = []
         self.stuck: list[np.ndarray] = []
         self.failure: HmapError | None = None
+        self.done: SolutionSequence | None = None
         self._without_contact = 0
+        self._unreached = 0
         self._at_height: Counter[int] = Counter()  # places without contact, by height in mm
 
     @property
     def enough(self) -> bool:
         """Whether further places are not likely to be better."""
-        return len(self.blocked) >= PLACES_BLOCKED or self._without_contact >= PLACES_WITHOUT_CONTACT
+        unreached = self._unreached >= PLACES_UNREACHED
+        return unreached or len(self.blocked) >= PLACES_BLOCKED or self._without_contact >= PLACES_WITHOUT_CONTACT
 
     def varied(self, places: Iterable[np.ndarray]) -> Iterator[np.ndarray]:
         """The places in their order, but those at a height at which PLACES_ALIKE had no contact come last.
@@ -294,6 +338,8 @@ class _Tries:
             self.blocked.append(T)
             return
         self._without_contact += failure.code == Code.NO_CONTACT
+        served = isinstance(self._search.context.record.error, NoneServes)
+        self._unreached += failure.code == Code.NO_CONTACT and not served
         self._at_height[_millimetres(T)] += failure.code == Code.NO_CONTACT
         if failure.code in _STUCK:
             self.stuck.append(T)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from hmap_core.compile_cache import ensure_compiled
 from hmap_core.contacts.camera import Cloud
+from hmap_core.deadline import within_cpu_time
 from hmap_core.exceptions import InputError
 from hmap_core.planner import plugins
 from hmap_core.planner.components import PlannerComponents, local_components
@@ -13,12 +14,14 @@ from hmap_core.planner.komo_segments import KomoSegmentPlanner
 from hmap_core.planner.protocols import Cancel, ContactProposer, ManipulationPlanner, ObjectPathPlanner, TransitPlanner
 from hmap_core.types import Plan, Scene, SceneState
 
+DEFAULT_CPU_LIMIT = 10.0  # s of processor time, for those who give no time limit
+
 
 def plan(
     scene: Scene,
     state: SceneState | None = None,
     seed: int = 0,
-    time_limit: float = DEFAULT_TIME_LIMIT,
+    time_limit: float | None = None,
     *,
     planner: str | ManipulationPlanner = plugins.DEFAULT_PLANNER,
     object_path: str | ObjectPathPlanner | None = None,
@@ -36,7 +39,7 @@ def plan(
         scene: the task.
         state: where everything is; None: where the scene starts.
         seed: the only source of randomness: the same seed gives the same plan.
-        time_limit: seconds of wall-clock time.
+        time_limit: seconds of wall-clock time; None: 60 s, of which H-MaP computes 10 s at most.
         planner: the method, by name (``hmap plugins`` lists them) or as an object.
         object_path: plans the path of the object, by name or as an object; None: hmap's own search.
         proposer: proposes contacts before they are sampled, by name or as an object; None: they are only sampled.
@@ -55,7 +58,10 @@ def plan(
     method = create_planner(planner, object_path, proposer, transit, components, clouds, tool_grasp)
     report = progress or (lambda progress: None)
     ensure_compiled(lambda text: report(Progress("starting", text=text)))
-    return method.plan(scene, state, seed, time_limit, progress, cancel)
+    if time_limit is not None or not isinstance(method, HmapPlanner):
+        return method.plan(scene, state, seed, DEFAULT_TIME_LIMIT if time_limit is None else time_limit, progress, cancel)
+    with within_cpu_time(DEFAULT_CPU_LIMIT):
+        return method.plan(scene, state, seed, DEFAULT_TIME_LIMIT, progress, cancel)
 
 
 def create_planner(

@@ -44,6 +44,8 @@ class ObjectPathStrategy:
     def solve(self, search: "Search", task: PathTask) -> Outcome:
         """Plan a path and follow it; in the first round further paths, as long as they lead to no contact.
 
+        For an obstacle that is removed alone, other places come before other paths.
+
         The failure ends the round if there is no path, or if an obstacle on it cannot be removed.
         """
         context = search.context
@@ -51,7 +53,7 @@ class ObjectPathStrategy:
         counts = context.record.counts
         outcome: Outcome = context.record.last_failure()
         tries = counts["contact_tries"]
-        for _ in range(PATHS_AT_FIRST if task.number == 0 else 1):
+        for _ in range(PATHS_AT_FIRST if task.number == 0 and not task.subgoal.alone else 1):
             context.report("waypoints", text=f"path of '{task.object}' {task.subgoal.reason}")
             try:
                 task.poses, blockers = _plan(context, task)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hmap_core.planner import steps
-from hmap_core.planner.contact_filters import CostTerm, bodies_hit
+from hmap_core.planner.contact_filters import CostTerm, NoneServes, bodies_hit
 from hmap_core.planner.diagnosis import why_no_contact
-from hmap_core.planner.obstacle_removal import BlockedError, RemovalError, StuckError, raise_if_alone
+from hmap_core.planner.obstacle_removal import BlockedError, RemovalError, StuckError, blocked, raise_if_alone
 from hmap_core.planner.obstruction import CONTACT_ROOM, in_motions, met, stacked_on, without
 from hmap_core.planner.outcome import Failure, Outcome, Solution
 from hmap_core.planner.relaxed import RelaxedSolution
@@ -33,9 +33,17 @@ class RemoveObstacles:
         return bool(removable_for(task.context.scene, task.subgoal, task.sequence))
 
     def solve(self, search: "Search", task: WaypointTask) -> Outcome:
-        """Return the sequence after the removals; an obstacle is moved only if that makes a solution possible."""
+        """Return the sequence after the removals; an obstacle is moved only if that makes a solution possible.
+
+        The failure ends the round if no other body may be moved, and hands fit on the object only without some.
+        """
+        before = task.context.record.error
         found = solve_relaxed(search, task.subgoal, task.sequence, task.ahead)
         if not isinstance(found, RelaxedSolution):
+            covered = isinstance(found, Failure) and isinstance(found.error, NoneServes)
+            if task.subgoal.alone and covered and not isinstance(before, NoneServes):
+                others = removable_for(task.context.scene, task.subgoal, task.sequence)
+                return Failure.of(blocked(task.subgoal, others[0]), ends_round=True)
             return found
         return _removed(search, task.subgoal, task.sequence, found.in_the_way, found)
 
