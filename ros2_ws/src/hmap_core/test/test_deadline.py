@@ -1,6 +1,7 @@
 """Long steps look at the clock: the judge, contacts, inverse kinematics and the optimiser end with the time limit."""
 
 import gc
+import sys
 import time
 from functools import partial
 
@@ -20,6 +21,7 @@ from hmap_core.validation import check
 from hmap_core.waypoints import NoObjectPath, plan_waypoints
 
 PARTS = 300
+PLAN_MODULE = sys.modules[planner.plan.__module__]  # the package has a function of the same name
 LONGEST = 0.1  # s of CPU time between two looks, on a machine that may be busy
 
 
@@ -169,3 +171,23 @@ def test_many_pairs_are_made_and_solved_with_looks_at_the_clock(monkeypatch):
             planner.plan_motion(scene, "arm", T_world_ee=ends[0], state=state, time_limit=limit)
         counts.append(len(looks))
     assert counts[0] < 215 and counts[1] < 415
+
+
+def test_processor_time_counts_within_its_block():
+    with deadline.within_cpu_time(60.0):
+        deadline.check_time()
+        with deadline.within_cpu_time(-1.0):
+            assert deadline.cpu_time_used_up()
+            with deadline.within_cpu_time(60.0), pytest.raises(PlannerError, match="no time is left"):
+                deadline.check_time()
+        deadline.check_time()
+    assert not deadline.cpu_time_used_up()
+
+
+def test_without_a_time_limit_planning_takes_little_processor_time(monkeypatch):
+    scene = load_scene("published/bolt", 0)
+    monkeypatch.setattr(PLAN_MODULE, "DEFAULT_CPU_LIMIT", 0.02)
+    with pytest.raises(PlannerError, match="no plan within the processor time.*; last: ") as error:
+        planner.plan(scene, seed=0)
+    assert error.value.code == Code.TIME_LIMIT
+    assert planner.plan(scene, seed=0, time_limit=60.0).segments

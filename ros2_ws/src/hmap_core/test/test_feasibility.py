@@ -1,5 +1,7 @@
 """Which contacts a robot can take, and how far they serve: a box on a table, with and without a wall beside it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from planner_fixtures import carry
@@ -21,6 +23,7 @@ from hmap_core.komo.segment import GRASP_RETREAT, Phase, bit, free_opening, retr
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner import ContactSearchQuery, local_components
 from hmap_core.planner.contact_finder import contact_score
+from hmap_core.planner.protocols import ContactQuery
 from hmap_core.transforms import apply, distance, from_matrix, interpolate, inverse, multiply, pose
 from hmap_core.types import ContactKind, ContactPoint
 
@@ -234,3 +237,16 @@ def test_contacts_are_found_with_the_highest_score_first(scene):
     assert [c.reach for c in found] == [c.reach for c in again]
     for a, b in zip(found, again, strict=True):
         np.testing.assert_array_equal(a.keyframes, b.keyframes)
+
+
+def test_a_push_ends_where_the_object_leaves_its_support(scene):
+    """A level path of the object alone may lead through the air, where it cannot be pushed."""
+    task, poses = manipulation(scene), line(scene, (0.5, -0.05, 0.04))
+    query = ContactQuery(scene, task.state, "brick", poses, "arm", np.random.default_rng(0))
+    proposed = [c for batch in local_components().proposer.propose(query) for c in batch.contacts]
+    pushes = [contact for contact in proposed if contact.kind == ContactKind.PUSH]
+    assert reach_bounds(task, pushes, poses).max() == len(poses) - 1
+    table = scene.bodies["table"]
+    edge = pose((*table.pose[:1], poses[5, 1] - 1.2, table.pose[2]))  # the middle of the brick passes it at pose 5
+    cut = replace(scene, bodies=scene.bodies | {"table": replace(table, pose=edge)})
+    assert 0 < reach_bounds(manipulation(cut), pushes, poses).max() <= 5

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from hmap_core.collision.convex import set_distance
+from hmap_core.komo.shapes import body_set
 from hmap_core.planner import ContactSearchQuery, SegmentQuery, local_components
-from hmap_core.planner.lifting import LIFT, drag_tips, lifted, raised
+from hmap_core.planner.lifting import LIFT, ROOM, drag_tips, lifted, raised
 from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.scenes import load_scene
 from hmap_core.transforms import from_rpy, interpolate, pose
@@ -116,3 +118,25 @@ def test_an_object_whose_path_rises_is_placed_from_above(tmp_path):
     _, way = lifted(scene, state, "tall", contact, poses, placed_bodies(scene, state, "tall"), 0.7)
     np.testing.assert_allclose(way[[1, 2, 6, 7, 8, 9], 2], 0.1 + LIFT)
     np.testing.assert_allclose(way[[0, 3, 4, 5, 10]], poses[[0, 3, 4, 5, 10]])
+
+
+def test_an_object_passes_over_the_edge_of_its_next_support_with_room(tmp_path):
+    """Objects sag between the pads; a path of the object alone passes 2 mm from the edge of a body that it touches."""
+    step = "  step: {{shape: box, size: [0.1, 0.3, 0.05], pose: {{xyz: [0.62, -0.1, 0.025]}}}}\nmovable:"
+    text = SCENE.replace("movable:", step).format(roof=0.9).replace("[0.55, -0.1, 0.1]", "[0.62, -0.1, 0.15]")
+    (tmp_path / "step.yaml").write_text(text)
+    scene = load_scene(str(tmp_path / "step.yaml"))
+    state, start, goal = scene.start_state(), scene.bodies["tall"].pose, scene.goal.pose
+    over = interpolate(start, goal, np.linspace(0.0, 1.0, 41))
+    ahead = over[1:-1, 0] + 0.015 - 0.57  # of its leading edge, from the edge of the step
+    over[1:-1, 2] = 0.1 + np.clip(0.054 + ahead, 0.0, 0.065)  # rises obliquely, 3 mm from there
+    found = local_components().contacts.find_contacts(ContactSearchQuery(scene, state, "tall", over))
+    contact = next(c for c in found if c.reach == len(over) - 1 and c.contact.kind == ContactKind.GRASP)
+    _, way = lifted(scene, state, "tall", contact, over, placed_bodies(scene, state, "tall"), 0.7)
+
+    def nearest(poses):
+        own, edge = body_set(scene.bodies["tall"]), body_set(scene.bodies["step"])
+        return min(set_distance(own, T, edge, scene.bodies["step"].pose) for T in poses[:-4])
+
+    assert nearest(over) < ROOM < nearest(way)
+    np.testing.assert_allclose(way[[0, -1]], over[[0, -1]])

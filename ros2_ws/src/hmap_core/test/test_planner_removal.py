@@ -10,7 +10,14 @@ from obstacle_fixtures import corridor, crowded, eight, gap, heavy_slab, side_do
 from hmap_core.exceptions import Code, PlannerError
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import HmapPlanner, PlanningJob, plan
-from hmap_core.planner.obstacle_removal import ObstacleRemoval, RemovalError
+from hmap_core.planner.obstacle_removal import (
+    PLACES_BLOCKED,
+    PLACES_BY_STAGES,
+    PLACES_UNREACHED,
+    ObstacleRemoval,
+    RemovalError,
+    blocked,
+)
 from hmap_core.planner.outcome import Failure, Solution
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
 from hmap_core.types import Goal
@@ -177,3 +184,37 @@ def test_a_subgoal_that_must_manage_alone_removes_nothing(tmp_path):
     with pytest.raises(RemovalError, match="'box_0' is in the way of 'box_2'"):
         ObstacleRemoval(planner).clear(subgoal, SolutionSequence(scene.start_state()), ["box_0"], ())
     assert planner.asked == []
+
+
+class Covered(Scripted):
+    """As Scripted; a body that others bar says so, as if hands fit on it only without these."""
+
+    def bring(self, subgoal, sequence):
+        outcome = super().bring(subgoal, sequence)
+        if isinstance(outcome, Failure) and subgoal.alone:
+            return Failure.of(blocked(subgoal, next(iter(self.bars[subgoal.goal.object]))), ends_round=True)
+        return outcome
+
+
+def test_a_body_that_others_cover_waits_for_them(tmp_path):
+    """It was tried at all its places, and then others were removed for its sake, before those in front of it went."""
+    scene = eight(tmp_path)
+    planner = Covered(scene, {"box_0": {"box_1"}})
+    removal = ObstacleRemoval(planner)
+    solution = removal.clear(Subgoal(scene.goal), SolutionSequence(scene.start_state()), ["box_0", "box_1"], ())
+    assert solution.aside == ("box_1", "box_0")
+    assert planner.asked == [*["box_0"] * PLACES_BLOCKED, "box_1", "box_0"]
+
+
+def test_a_body_without_any_contact_is_not_tried_at_many_places(tmp_path):
+    scene = eight(tmp_path)
+    planner = Scripted(scene, {})
+
+    def bring(subgoal, sequence):
+        planner.asked.append(subgoal.goal.object)
+        return Failure.of(PlannerError("none of 500 contacts is reachable", Code.NO_CONTACT))
+
+    planner.bring = bring
+    with pytest.raises(RemovalError, match="none of 500 contacts"):
+        ObstacleRemoval(planner).clear(Subgoal(scene.goal), SolutionSequence(scene.start_state()), ["box_0"], ())
+    assert len(planner.asked) <= PLACES_UNREACHED + PLACES_BY_STAGES

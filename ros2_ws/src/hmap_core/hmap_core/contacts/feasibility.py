@@ -28,7 +28,8 @@ from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.segment import APPROACH_STEPS, Phase, bit, retreat_distance
 from hmap_core.komo.transcription import KomoProblem
 from hmap_core.transforms import apply, inverse, multiply, multiply_all, rotation_matrices, rotation_matrix
-from hmap_core.types import ContactKind, ContactPoint
+from hmap_core.types import ContactKind, ContactPoint, TaskMode
+from hmap_core.waypoints.stable_poses import stable_poses
 
 RESTARTS = 2  # random configurations tried after the home configuration
 MAX_JUMP = 0.2  # rad a joint may turn between two neighbouring poses: about a centimetre of the hand
@@ -182,13 +183,29 @@ def _bounds(
     scene = manipulation.scene
     hand = hand_of(scene.robots[manipulation.robot])
     body = scene.bodies[manipulation.handled]
-    bound = np.minimum(bound, push_reach(body, hand, contacts, object_poses))
+    slides = np.array([contact.kind == ContactKind.PUSH for contact in contacts])
+    if (bound[slides] > 0).any():
+        bound = np.minimum(bound, push_reach(body, hand, contacts, object_poses))
+        if scene.mode == TaskMode.PHYSICAL and (bound[slides] > 0).any():
+            bound[slides] = np.minimum(bound[slides], _on_support(manipulation, object_poses))
     if any(contact.kind == ContactKind.PRESS for contact in contacts):
         poses = manipulation.state.poses
         around = [replace(other, pose=poses[name]) for name, other in scene.bodies.items() if name != body.name]
         model = scene.robots[manipulation.robot].model
         bound = np.minimum(bound, press_reach(body, model, contacts, object_poses, around))
     return bound
+
+
+def _on_support(manipulation: Manipulation, object_poses: np.ndarray) -> int:
+    """Index of the last of the poses (M, 7) up to which the object stands stably on what is around; at least 0."""
+    scene, poses, name = manipulation.scene, manipulation.state.poses, manipulation.handled
+
+    def last() -> int:
+        around = [replace(other, pose=poses[other.name]) for other in scene.bodies.values() if other.name != name]
+        stands = stable_poses(scene.bodies[name], object_poses, around)
+        return max(int(np.argmin(np.append(stands, False))) - 1, 0)
+
+    return manipulation.known(("on support", name, object_poses.tobytes()), last)
 
 
 def coarse(M: int) -> np.ndarray:

@@ -5,8 +5,9 @@ contacts that open alike, and the packed one-step problems.
 """
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -27,8 +28,8 @@ from hmap_core.types import ContactKind, ContactPoint, Scene, SceneState
 WORKSPACES_KEPT = 8  # for the next contact or motion in the same state
 
 
-# A workspace and its packed one-step problems, by phase.
-Shared = tuple[Workspace, dict[Phase, SkeletonProblem]]
+# A workspace, its packed one-step problems by phase, and what else was computed of its state, by any key.
+Shared = tuple[Workspace, dict[Phase, SkeletonProblem], dict[tuple, Any]]
 _SHARED: OrderedDict[tuple, Shared] = OrderedDict()  # the last WORKSPACES_KEPT
 
 
@@ -40,7 +41,7 @@ def _shared(scene: Scene, state: SceneState, robot: str) -> Shared:
     known = _SHARED.get(key)
     if known is None:
         # it holds the scene, so that no other one gets its id
-        known = _SHARED[key] = Workspace(scene, state.copy(), [robot]), {}
+        known = _SHARED[key] = Workspace(scene, state.copy(), [robot]), {}, {}
         if len(_SHARED) > WORKSPACES_KEPT:
             _SHARED.popitem(last=False)
     return known
@@ -67,7 +68,7 @@ class Manipulation:
 
     def __post_init__(self):
         self.arm = load_arm(self.scene.robots[self.robot].model)
-        self.workspace, self._ik = _shared(self.scene, self.state, self.robot)
+        self.workspace, self._ik, self._known = _shared(self.scene, self.state, self.robot)
         self.model = self.workspace.model
         self.tip, self.T_tip_ee = self.workspace.end_effector(self.robot)
         self._near: dict[tuple, CollisionModel] = {}
@@ -86,6 +87,12 @@ class Manipulation:
     def target(self, T_world_ee: np.ndarray) -> np.ndarray:
         """Parameters of the relative_pose feature that bring the end-effector to a world pose (7,)."""
         return pose_params(self.T_tip_ee, T_world_ee)
+
+    def known(self, key: tuple, compute: Callable[[], Any]) -> Any:
+        """What is computed of the scene and the state, once; contacts and motions from one state share it."""
+        if key not in self._known:
+            self._known[key] = compute()
+        return self._known[key]
 
     # --- problems
 

@@ -15,6 +15,7 @@ from hmap_core.planner.sweep import nearest, placed, robot_sweeps
 from hmap_core.planner.tool_grasps import ToolGraspFinder
 from hmap_core.types import Scene, SceneState
 
+
 class NoneServes(ContactError):
     """There are feasible contacts, and none of them is what was asked for."""
 

@@ -338,8 +338,7 @@ class _Tries:
             self.blocked.append(T)
             return
         self._without_contact += failure.code == Code.NO_CONTACT
-        served = isinstance(self._search.context.record.error, NoneServes)
-        self._unreached += failure.code == Code.NO_CONTACT and not served
+        self._unreached += failure.code == Code.NO_CONTACT and not isinstance(failure.error.__cause__, NoneServes)
         self._at_height[_millimetres(T)] += failure.code == Code.NO_CONTACT
         if failure.code in _STUCK:
             self.stuck.append(T)

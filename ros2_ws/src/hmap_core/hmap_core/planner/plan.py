@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from hmap_core.compile_cache import ensure_compiled
 from hmap_core.contacts.camera import Cloud
 from hmap_core.deadline import within_cpu_time
@@ -58,10 +60,10 @@ def plan(
     method = create_planner(planner, object_path, proposer, transit, components, clouds, tool_grasp)
     report = progress or (lambda progress: None)
     ensure_compiled(lambda text: report(Progress("starting", text=text)))
-    if time_limit is not None or not isinstance(method, HmapPlanner):
-        return method.plan(scene, state, seed, DEFAULT_TIME_LIMIT if time_limit is None else time_limit, progress, cancel)
-    with within_cpu_time(DEFAULT_CPU_LIMIT):
-        return method.plan(scene, state, seed, DEFAULT_TIME_LIMIT, progress, cancel)
+    given = time_limit is not None or not isinstance(method, HmapPlanner)
+    limit = DEFAULT_TIME_LIMIT if time_limit is None else time_limit
+    with within_cpu_time(np.inf if given else DEFAULT_CPU_LIMIT):
+        return method.plan(scene, state, seed, limit, progress, cancel)
 
 
 def create_planner(

@@ -90,7 +90,9 @@ class Search:
             outcome = self.round(subgoal, sequence, number)
             if isinstance(outcome, Solution) or outcome.ends_round:
                 return outcome
-        return Failure.of(PlannerError(self.context.record.reason, self.context.record.code))
+        last = PlannerError(self.context.record.reason, self.context.record.code)
+        last.__cause__ = self.context.record.error
+        return Failure.of(last)
 
     def round(self, subgoal: Subgoal, sequence: SolutionSequence, number: int) -> Outcome:
         """One round of the outer loop: strategies for an object path until one brings the object to its goal.
