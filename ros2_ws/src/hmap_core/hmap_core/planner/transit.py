@@ -6,6 +6,7 @@ motion leads out of there. Both kinds extend as far as they are collision-free, 
 as well: small rotations of the joints move a long attached tool through thin boards.
 """
 
+import math
 import time
 from collections.abc import Callable
 
@@ -15,7 +16,7 @@ from hmap_core.collision.scene_model import Collisions
 from hmap_core.deadline import check_time
 from hmap_core.kinematics.chain import Chain
 from hmap_core.komo.pair_blocks import PairChecks
-from hmap_core.planner.hand_moves import HandMoves
+from hmap_core.planner.hand_moves import HandMoves, fractions
 from hmap_core.transforms import rotation_matrix
 
 INTERVAL = 0.1  # rad, longest straight motion that is looked at as one
@@ -25,7 +26,7 @@ HAND_SHARE = 0.5  # of the extensions that are moves of the hand
 AROUND = 0.2  # m beyond start and goal in which the hand is sent about
 UNSEEN = 1e-3  # m that a pair may come nearer between two looks
 SLACK = 1e-4  # m that minimum distances may be left by: configurations from inverse kinematics are that good
-CHECKS = 40_000  # looks after which a search gives up, whatever the clock says
+CHECKS = 20_000  # looks after which a search gives up, whatever the clock says
 RUNS = 4  # searches, while all ways are longer than DETOUR times the straight one
 DETOUR = 1.5
 INTERVAL_LOOKS, HAND_LOOKS = 3, 3  # what an interval, and a configuration from inverse kinematics, cost in looks
@@ -49,7 +50,7 @@ class TransitChecks:
     """
 
     def __init__(self, chain: Chain, cols: Collisions, mask: int):
-        self.chain, self._mask = chain, mask
+        self.chain, self._mask, self._all_masks = chain, mask, np.zeros(0, np.int64)
         self._pairs = PairChecks(chain, cols._replace(min_distance=cols.min_distance - SLACK))
         self.looks = 0
 
@@ -65,8 +66,8 @@ class TransitChecks:
 
     def line(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Configurations (m + 1, n) straight from a to b (n,), INTERVAL apart or less."""
-        steps = max(1, int(np.ceil(np.abs(b - a).max() / INTERVAL)))
-        return a + np.linspace(0.0, 1.0, steps + 1)[:, None] * (b - a)
+        way = b - a
+        return a + fractions(max(1, math.ceil(np.abs(way).max() / INTERVAL))) * way
 
     def straight(self, a: np.ndarray, b: np.ndarray) -> bool:
         """Whether the straight motion from a to b (n,) is free."""
@@ -80,12 +81,15 @@ class TransitChecks:
         return self._pairs.between(path, self._masks(len(path) - 1), UNSEEN)[1] >= 0
 
     def _masks(self, count: int) -> np.ndarray:
-        return np.full(count, self._mask, np.int64)
+        if count > len(self._all_masks):
+            self._all_masks = np.full(2 * count, self._mask, np.int64)
+        return self._all_masks[:count]
 
     @staticmethod
     def _before_hit(pairs: np.ndarray) -> int:
         """How many come before the first of (M,) in which a pair is hit."""
-        return int(np.append(pairs >= 0, True).argmax())
+        hits = (pairs >= 0).nonzero()[0]
+        return int(hits[0]) if len(hits) else len(pairs)
 
 
 class _Tree:
@@ -105,10 +109,10 @@ class _Tree:
         return parent
 
     def nearest(self, q: np.ndarray) -> int:
-        return int(np.linalg.norm(self.configurations - q, axis=1).argmin())
+        return _nearest(self.configurations, q)
 
     def nearest_hand(self, point: np.ndarray) -> int:
-        return int(np.linalg.norm(self.hands[:, :3] - point, axis=1).argmin())
+        return _nearest(self.hands[:, :3], point)
 
     def branch(self, k: int) -> np.ndarray:
         """Configurations (m, n) from the first one to the k-th."""
@@ -117,6 +121,12 @@ class _Tree:
             numbers.append(k)
             k = self._parents[k]
         return self.configurations[numbers[::-1]]
+
+
+def _nearest(points: np.ndarray, point: np.ndarray) -> int:
+    """Number of the nearest of some points (M, n) to another one (n,)."""
+    apart = points - point
+    return int(np.einsum("ij,ij->i", apart, apart).argmin())
 
 
 # (checks, moves, start, goal, rng, deadline) -> configurations (m, n) of a free path, straight between them, or None
@@ -219,7 +229,7 @@ def _by_hand(free: TransitChecks, moves: HandMoves, tree: _Tree, room, rng: np.r
     kept[rng.integers(3)] = True
     way = axes @ (kept * ((point - hand[:3]) @ axes))
     way *= min(1.0, HAND_RANGE / np.linalg.norm(way))
-    path = moves.along(tree.configurations[near], way)
+    path = moves.along(tree.configurations[near], way, hand)
     free.looks += HAND_LOOKS * len(path)
     count = free.reached(path) if len(path) > 1 else 0
     return tree.add(path[1 : count + 1], near) if count > 0 else None
