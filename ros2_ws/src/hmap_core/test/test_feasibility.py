@@ -240,7 +240,7 @@ def test_contacts_are_found_with_the_highest_score_first(scene):
 
 
 def test_a_push_ends_where_the_object_leaves_its_support(scene):
-    """A level path of the object alone may lead through the air, where it cannot be pushed."""
+    """A level path of the object alone may lead over a gap, where it cannot be pushed."""
     task, poses = manipulation(scene), line(scene, (0.5, -0.05, 0.04))
     query = ContactQuery(scene, task.state, "brick", poses, "arm", np.random.default_rng(0))
     proposed = [c for batch in local_components().proposer.propose(query) for c in batch.contacts]

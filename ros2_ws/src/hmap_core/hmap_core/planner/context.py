@@ -133,8 +133,8 @@ class SearchContext:
         if self.budget.cancel():
             raise PlannerError("planning was canceled", Code.CANCELED)
         if cpu_time_used_up():
-            limit = "the processor time that planning has by default; give a time limit for more"
-            raise PlannerError(f"no plan within {limit}; last: {self.record.reason}", Code.TIME_LIMIT)
+            allowed = "the processor time that planning has by default; give a time limit for more"
+            raise PlannerError(f"no plan within {allowed}; last: {self.record.reason}", Code.TIME_LIMIT)
         left = self.budget.deadline - time.monotonic()
         if left <= 0.0:
             limit = self.budget.time_limit

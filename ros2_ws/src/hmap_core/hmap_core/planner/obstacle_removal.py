@@ -338,7 +338,8 @@ class _Tries:
             self.blocked.append(T)
             return
         self._without_contact += failure.code == Code.NO_CONTACT
-        self._unreached += failure.code == Code.NO_CONTACT and not isinstance(failure.error.__cause__, NoneServes)
+        served = failure.error is not None and isinstance(failure.error.__cause__, NoneServes)
+        self._unreached += failure.code == Code.NO_CONTACT and not served
         self._at_height[_millimetres(T)] += failure.code == Code.NO_CONTACT
         if failure.code in _STUCK:
             self.stuck.append(T)
