@@ -10,6 +10,7 @@ from hmap_core import transforms
 from hmap_core.execution.plan_executor import PlanExecutor
 from hmap_core.execution.recovery import RecoveryPolicy
 from hmap_core.execution.stretches import stretches
+from hmap_core.execution.tool_offsets import blend
 from hmap_core.types import BodyKind, Goal, Plan, SegmentKind
 
 STICK = np.array([0.45, -0.1, 0.02])
@@ -77,3 +78,8 @@ def test_without_looks_it_stays_as_it_is(plan):
 def test_noise_and_what_slips_far_is_not_corrected(plan, by):
     found = deviations(plan, transforms.pose((by, 0.0, 0.0)), 1)
     assert [distance for distance, _ in found] == pytest.approx([by] * len(found), abs=1e-6)
+
+
+def test_a_correction_comes_in_without_leaving_its_range():
+    share = blend(np.linspace(-0.1, 1.1, 100_001))
+    assert share.min() == 0.0 and share.max() == 1.0 and (np.diff(share) >= -1e-12).all()

@@ -76,14 +76,19 @@ class ToolOffsets:
         return transforms.multiply(transforms.inverse(T_world_ee), T_world_tool)
 
 
+def blend(u: np.ndarray) -> np.ndarray:
+    """From 0 at times u <= 0 to 1 at u >= 1 without jumps of velocity and acceleration; rounding does not leave that."""
+    u = np.clip(u, 0.0, 1.0)
+    return np.clip(u**3 * (10.0 - 15.0 * u + 6.0 * u**2), 0.0, 1.0)
+
+
 def _shifted(robot: Robot, motion: JointTrajectory, before: np.ndarray, after: np.ndarray) -> JointTrajectory:
     """A motion with the hand displaced in its own frame: by ``before`` (7,) at first, by ``after`` (7,) at the end."""
     arm, times = load_arm(robot.model), np.asarray(motion.times)
     T_ee_tip = transforms.inverse(transforms.from_matrix(arm.T_tip_ee))
     planned, (lower, upper) = np.asarray(motion.positions), robot.model.position_limits
-    u = np.clip((times - times[0]) / (BLENDED * max(float(times[-1] - times[0]), SHORTEST)), 0.0, 1.0)
     positions = planned.copy()
-    for k, share in enumerate(u**3 * (10.0 - 15.0 * u + 6.0 * u**2)):
+    for k, share in enumerate(blend((times - times[0]) / (BLENDED * max(float(times[-1] - times[0]), SHORTEST)))):
         T = transforms.multiply(arm.end_effector(planned[k]), transforms.interpolate(before, after, float(share)))
         positions[k] = np.clip(_reached(arm, transforms.multiply(T, T_ee_tip), planned[k]), lower, upper)
     velocities = np.gradient(positions, times, axis=0)
