@@ -50,8 +50,11 @@ class ManagedNode(LifecycleNodeMixin, HmapNode):
         if not self.active:
             name = self.get_fully_qualified_name()
             state = self._state_machine.current_state[1]
-            steps = "configure, then activate" if state == UNCONFIGURED else "activate"
-            remedy = "start it anew" if state == FINALIZED else f"{steps} it (`ros2 lifecycle set {name} activate`)"
+            remedies = {
+                UNCONFIGURED: f"`ros2 lifecycle set {name} configure`, then `activate`",
+                FINALIZED: "start it anew",
+            }
+            remedy = remedies.get(state, f"`ros2 lifecycle set {name} activate`")
             raise PlannerError(f"the node {name} is {state}: {remedy}", Code.SERVICE_UNAVAILABLE)
 
     # transitions, called by rclpy

@@ -12,6 +12,7 @@ from hmap.doctor.findings import (
     joint_findings,
     message_findings,
     pose_findings,
+    state_finding,
     topic_findings,
 )
 from hmap_core import transforms
@@ -120,3 +121,14 @@ def test_actions_are_named_that_nobody_or_several_offer():
     assert "no controller offers this action: start it" in text_of(action_findings("arm", kind, [], 0, "start it"))
     assert "2 nodes offer" in text_of(action_findings("arm", kind, [kind], 2, "start it"))
     assert "has the type a/action/B, not" in text_of(action_findings("arm", kind, ["a/action/B"], 1, "start it"))
+
+
+def test_a_node_that_is_not_active_is_named_with_the_transition():
+    assert all(state_finding("/cell/supervisor", state).level == "OK" for state in ("active", ""))
+    for state, says in (
+        ("inactive", "ros2 lifecycle set /cell/supervisor activate"),
+        ("unconfigured", "ros2 lifecycle set /cell/supervisor configure"),
+        ("finalized", "is finalized: start it anew"),
+    ):
+        finding = state_finding("/cell/supervisor", state)
+        assert (finding.level, finding.what) == (FAIL, "supervisor") and says in finding.text

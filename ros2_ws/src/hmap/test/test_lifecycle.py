@@ -84,7 +84,10 @@ def test_a_node_is_active_at_once_and_refuses_work_while_it_is_not(loader):
     assert state(ask) == "active" and load(ask).code == 0
     assert change(ask, Transition.TRANSITION_DEACTIVATE) and state(ask) == "inactive"
     error = load(ask)
-    assert error.code == Code.SERVICE_UNAVAILABLE and "the node /loader is inactive: activate it" in error.reason
+    assert (
+        error.code == Code.SERVICE_UNAVAILABLE
+        and "the node /loader is inactive: `ros2 lifecycle set /loader activate`" in error.reason
+    )
     assert node.requests == 1 and node._status[1] == "inactive"
     assert change(ask, Transition.TRANSITION_ACTIVATE) and load(ask).code == 0
 
@@ -92,7 +95,9 @@ def test_a_node_is_active_at_once_and_refuses_work_while_it_is_not(loader):
 @pytest.mark.parametrize("loader", ["waits"], indirect=True)
 def test_a_node_that_does_not_start_by_itself_waits_for_both_transitions(loader):
     node, ask = loader
-    assert state(ask) == "unconfigured" and "is unconfigured: configure, then activate it" in load(ask).reason
+    assert (
+        state(ask) == "unconfigured" and "is unconfigured: `ros2 lifecycle set /loader configure`" in load(ask).reason
+    )
     assert change(ask, Transition.TRANSITION_CONFIGURE) and load(ask).code == Code.SERVICE_UNAVAILABLE
     assert change(ask, Transition.TRANSITION_ACTIVATE) and load(ask).code == 0 and node.requests == 1
     assert change(ask, Transition.TRANSITION_ACTIVE_SHUTDOWN) and "is finalized: start it anew" in load(ask).reason

@@ -24,6 +24,7 @@ from hmap.doctor.findings import (
     joint_findings,
     message_findings,
     pose_findings,
+    state_finding,
     topic_findings,
 )
 from hmap.doctor.graph_view import GraphView, kind_name
@@ -159,7 +160,7 @@ class Examination:
             elif name in SERVICES and not self._view.service(SERVICES[name]):
                 self.findings.append(Finding(FAIL, name, f"runs, but does not offer {SERVICES[name]}"))
             else:
-                self.findings.append(Finding(OK, name, "runs"))
+                self.findings.append(state_finding(f"{space}/{name}", self._view.state(name)))
 
     def _times(self, told: Mapping[str, Any]) -> None:
         """Whether the nodes and /clock agree on whose time it is."""

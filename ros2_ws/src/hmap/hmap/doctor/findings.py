@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 FAIL, WARN, OK = "FAIL", "WARN", "OK"
+ACTIVE, NEXT = "active", {"unconfigured": "configure", "inactive": "activate"}  # states -> the next transition
 UPRIGHT = np.deg2rad(5.0)  # of tilt; more needs a support that is tilted, too
 STANDS = 0.05  # rad/s; a robot that moves faster should not be taken over
 
@@ -210,3 +211,18 @@ def action_findings(name: str, kind: str, types: Sequence[str], servers: int, re
     if servers > 1:
         return [Finding(FAIL, name, f"{servers} nodes offer this action; commands would reach both")]
     return []
+
+
+def state_finding(node: str, state: str) -> Finding:
+    """What is said of a node that runs.
+
+    Args:
+        node: its whole name.
+        state: of its lifecycle; empty where it has none.
+    """
+    name = node.rpartition("/")[2]
+    if state in ("", ACTIVE):
+        return Finding(OK, name, "runs")
+    if state not in NEXT:
+        return Finding(FAIL, name, f"is {state}: start it anew")
+    return Finding(FAIL, name, f"is {state}, and refuses all work: ros2 lifecycle set {node} {NEXT[state]}")

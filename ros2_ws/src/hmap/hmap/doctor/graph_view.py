@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from lifecycle_msgs.srv import GetState
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
@@ -106,6 +107,23 @@ class GraphView:
     def service(self, name: str) -> bool:
         """Whether a service is offered."""
         return self.node.resolve_service_name(name) in {found for found, _ in self.node.get_service_names_and_types()}
+
+    def state(self, node: str) -> str:
+        """The lifecycle state of a node, such as ``active``; empty where it is no managed node, or does not answer."""
+        name = f"{node}/get_state"
+        if not self.service(name):
+            return ""
+        client = self.node.create_client(GetState, name)
+        try:
+            if not client.wait_for_service(ANSWER):
+                return ""
+            future, until = client.call_async(GetState.Request()), time.monotonic() + ANSWER
+            while not future.done() and time.monotonic() < until:
+                time.sleep(POLL)
+            answer = future.result() if future.done() else None
+            return "" if answer is None else str(answer.current_state.label)
+        finally:
+            self.node.destroy_client(client)
 
     def parameters(self, node: str, names: Sequence[str]) -> dict[str, Any]:
         """Values of a node's parameters; those that it has not, or does not tell, are left out."""
