@@ -10,7 +10,11 @@ from robot_fixtures import COLLISION, LIMIT, joint, link, robot, write, write_ro
 
 from hmap_core.exceptions import Code, InputError
 from hmap_core.kinematics import load_arm
+from hmap_core.kinematics.urdf import load_urdf
 from hmap_core.robot_description import Severity, load_robot_description
+from hmap_core.robot_description.tree import loops, mimic_relations
+from hmap_core.robot_setup.guess import guess_robot
+from hmap_core.robot_setup.structure import find_structure
 from hmap_core.scenes import load_robot_model
 from hmap_core.scenes.robots import robot_findings
 from hmap_core.validation import urdf as judge
@@ -25,6 +29,8 @@ def elbow(**changes) -> str:
 def shaped(geometry: str) -> str:
     return robot(link("extra", COLLISION.format(geometry)), joint("mount", "tip", "extra", "fixed"))
 
+
+MUCH = '<mimic joint="{}" multiplier="10"/>'
 
 ERRORS = {  # what is wrong: description, and what the error says
     "no XML": ("robot: arm", "is not XML"),
@@ -65,6 +71,21 @@ ERRORS = {  # what is wrong: description, and what the error says
     "no name": (robot("<link/>"), "has no attribute 'name'"),
     "mimics nothing": (elbow(extra='<mimic joint="knee"/>'), "'elbow': mimics 'knee', which is not in the URDF"),
     "mimics itself": (elbow(extra='<mimic joint="elbow"/>'), "'elbow': mimics 'elbow', which follows it in turn"),
+    "mimics too much": (
+        robot(
+            *[link(f"l{k}") for k in range(9)],
+            *[
+                joint(f"j{k}", f"l{k - 1}" if k else "tip", f"l{k}", extra=MUCH.format(f"j{k - 1}" if k else "elbow"))
+                for k in range(9)
+            ],
+        ),
+        "joint 'j6': it moves 1e+07 times as far as 'elbow'",
+    ),
+    "xacro that includes itself": (
+        '<robot name="a" xmlns:xacro="x"><xacro:macro name="m" params="n"><xacro:m n="${n + 1}"/></xacro:macro>'
+        '<xacro:m n="0"/></robot>',
+        "its macros or files include each other endlessly, or too deeply; look for one that includes itself",
+    ),
     "mimic NaN": (elbow(extra='<mimic joint="shoulder" multiplier="nan"/>'), 'multiplier="nan": must be finite'),
     "damping": (elbow(extra='<dynamics damping="-1"/>'), 'damping="-1" is negative'),
     "NaN radius": (shaped('<sphere radius="nan"/>'), "link 'extra', <collision>, <geometry>, <sphere>: radius=\"nan\""),
@@ -131,6 +152,27 @@ WARNINGS = {
         elbow(extra='<safety_controller soft_lower_limit="0" soft_upper_limit="0"/>'),
         "both soft limits are 0; they are ignored",
     ),
+    "mimic that leaves its limits": (
+        elbow(extra='<mimic joint="shoulder" multiplier="2" offset="0.1"/>'),
+        "joint 'elbow': leaves its limits -1.5 to 1.5: 'shoulder', which it mimics, moves it from -2.9 to 3.1",
+    ),
+    "mimic of the wrong sign": (
+        elbow(limit='<limit lower="0" upper="1.5" velocity="2" effort="9"/>', extra='<mimic joint="shoulder"/>'),
+        "widen its limits, or narrow those of 'shoulder'",
+    ),
+    "mimic of a mimic": (
+        robot(
+            link("a"),
+            link("b"),
+            joint("j", "tip", "a", extra='<mimic joint="elbow" multiplier="-1"/>'),
+            joint("k", "a", "b", extra='<mimic joint="j" multiplier="-1.1"/>'),
+        ),
+        "joint 'k': leaves its limits -1.5 to 1.5: 'elbow', which it mimics, moves it from -1.65 to 1.65",
+    ),
+    "mimic of an endless joint": (
+        elbow(extra='<mimic joint="shoulder"/>').replace('"revolute"', '"continuous"', 1),
+        "moves it from -inf to inf",
+    ),
     "millimetres": (shaped('<sphere radius="50"/>'), "is 50 m large; lengths are in metres"),
 }
 
@@ -141,6 +183,79 @@ def test_what_is_assumed_is_said(tmp_path, case):
     description = load_robot_description(write(tmp_path, text))
     assert not description.errors
     assert [finding for finding in description.warnings if says in str(finding)], description.findings
+
+
+@pytest.mark.parametrize(
+    "mimic",
+    ['joint="shoulder"', 'joint="shoulder" multiplier="-1"', 'joint="shoulder" multiplier="0.5" offset="0.7505"'],
+)
+def test_a_mimic_joint_within_its_limits_is_no_finding(tmp_path, mimic):
+    assert not load_robot_description(write(tmp_path, elbow(extra=f"<mimic {mimic}/>"))).findings
+
+
+def test_of_many_names_a_finding_lists_the_first(tmp_path):
+    count = 1000
+    apart = robot(*(link(f"l{k}") for k in range(count)), *(joint(f"j{k}", f"l{k}", f"x{k}") for k in range(count)))
+    findings = load_robot_description(write(tmp_path, apart)).errors
+    assert len(findings) == count and "there are: base, upper, tip, l0, l1" in str(findings[0])
+    assert all(len(str(finding)) < 400 and "and 983 more" in str(finding) for finding in findings)
+
+
+def chain(count: int, extra) -> str:
+    """Joints j1, j2, ... one after the other, the k-th with an element ``extra(k)``."""
+    links = [f"l{k}" for k in range(count + 1)]
+    return robot(
+        links=links, joints=[joint(f"j{k}", f"l{k - 1}", f"l{k}", extra=extra(k)) for k in range(1, count + 1)]
+    )
+
+
+LONG = 1500
+
+
+@pytest.mark.parametrize(
+    "extra",
+    [
+        lambda k: "",
+        lambda k: f'<mimic joint="j{k - 1}"/>' if k > 1 else "",
+        lambda k: f'<mimic joint="j{k + 1}"/>' if k < LONG else "",
+        lambda k: f'<mimic joint="j{k % LONG + 1}"/>',
+    ],
+    ids=["free", "mimic the last", "mimic the next", "mimic in a ring"],
+)
+def test_long_chains_are_read_in_linear_time(tmp_path, extra):
+    """As many joints are looked at as there are, about; it was their square or cube."""
+    description = load_robot_description(write(tmp_path, chain(LONG, extra)))
+    looked = []
+
+    class Counted(dict):
+        def __getitem__(self, key):
+            looked.append(key)
+            return super().__getitem__(key)
+
+    mimic_relations(Counted(description.joints))
+    list(loops(description.joints.values()))
+    assert len(looked) < 5 * LONG
+    assert len(description.errors) in (0, LONG)
+    if not description.errors:
+        assert description.tree.driver(f"j{LONG}")[1:] == (1.0, 0.0)
+
+
+def test_an_arm_of_a_thousand_joints_is_refused_and_a_long_mount_is_not(tmp_path):
+    file = write(tmp_path, chain(1000, lambda k: ""))
+    with pytest.raises(
+        InputError, match=r"the chain to 'l1000' has 1000 joints that move; an arm may have 100: choose"
+    ):
+        guess_robot(file)
+    names = ", ".join(f"j{k}" for k in range(1, 102))
+    with pytest.raises(InputError, match=r"arm.yaml:3: joints = .*: has 101 joints; an arm may have 100"):
+        load_robot_model(str(write_robot(tmp_path, chain(101, lambda k: "").replace("l101", "tip"), names)))
+    mounted = robot(
+        *[f'<link name="m{k}"/>' for k in range(1000)],
+        *[joint(f"f{k}", f"m{k - 1}" if k else "tip", f"m{k}", "fixed", limit="") for k in range(1000)],
+    )
+    model = load_robot_model(str(write_robot(tmp_path, mounted)))
+    assert load_arm(model).end_effector(model.home)[2] == pytest.approx(0.6)
+    assert [joint.name for joint in find_structure(load_urdf(model.urdf), model.urdf).arm] == ["shoulder", "elbow"]
 
 
 def test_findings_name_the_line(tmp_path):

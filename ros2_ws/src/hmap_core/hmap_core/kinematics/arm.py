@@ -312,10 +312,11 @@ def _link_frames(urdf: Urdf, model: RobotModel) -> tuple[dict[str, _LinkMount], 
         )
     fixed: dict[str, np.ndarray] = {}
     placed = {}
+    states: dict[str, tuple[int, np.ndarray, list[LinkageStep]]] = {}
     for link in urdf.hulls:
-        frame, T = 0, np.eye(4)
-        own: list[LinkageStep] = []
-        for joint in urdf.tree.path(link):
+        above = urdf.tree.path(link, states)
+        frame, T, own = states.get(above[0].parent if above else link, (0, np.eye(4), []))
+        for joint in above:
             T = T @ to_matrix(joint.T_parent_joint)
             if joint.name in model.joint_names:
                 align = _align_z(joint.axis)
@@ -329,8 +330,9 @@ def _link_frames(urdf: Urdf, model: RobotModel) -> tuple[dict[str, _LinkMount], 
                 fixed[joint.name] = T @ align
                 frame, T, own = index + 1, np.linalg.inv(align), []
             elif (step := _step(urdf, model.gripper, joint, T)) is not None:
-                own.append(step)
+                own = [*own, step]
                 T = np.eye(4)
+            states[joint.child] = frame, T, own
         placed[link] = _mount(model.gripper, frame, own, T)
     missing = [name for name in model.joint_names if name not in fixed]
     if missing:
@@ -381,7 +383,6 @@ def build_arm(model: RobotModel) -> Arm:
     """
     urdf = load_urdf(model.urdf)
     placed, fixed = _link_frames(urdf, model)
-    kinds = {name: joint.kind for name, joint in urdf.tree.by_name.items()}
     hulls = []
     for link, pieces in urdf.hulls.items():
         frame, T, motion = placed[link].frame, placed[link].T, placed[link].motion
@@ -404,7 +405,7 @@ def build_arm(model: RobotModel) -> Arm:
         model,
         np.ascontiguousarray([T[:3, :3] for T in fixed]),
         np.ascontiguousarray([T[:3, 3] for T in fixed]),
-        np.array([kinds[name] == "prismatic" for name in model.joint_names], np.int64),
+        np.array([urdf.tree.by_name[name].kind == "prismatic" for name in model.joint_names], np.int64),
         tip.T @ to_matrix(model.T_link_ee),
         tuple(hulls),
         _self_pairs(hulls, model.ignored_collisions),
@@ -486,11 +487,10 @@ def load_arm(model: RobotModel) -> Arm:
     )
     key += (model.T_link_ee.tobytes(), gripper, model.position_limits.tobytes(), model.velocity_limits.tobytes())
     key += (model.acceleration_limits.tobytes(), model.home.tobytes())
-    if key not in _ARMS:
-        _ARMS[key] = build_arm(model)
+    if (bare := _ARMS.get(key)) is None:
+        bare = _ARMS[key] = build_arm(model)
     if body is None:
-        return _ARMS[key]
-    bare = _ARMS[key]
+        return bare
     key += (body.name, body.T_ee_body.tobytes(), body.opening)
     key += tuple((s.kind, s.size, s.pose.tobytes(), s.mesh) for s in body.shapes)
     if key not in _ATTACHED:

@@ -94,6 +94,9 @@ def _expanded(file: Path) -> tuple[str | None, str, str]:
         return None, "is a xacro file, and xacro is not installed", f"'pip install xacro', or expand it by {by_hand}"
     try:
         return xacro.process_file(str(file)).toxml(), "", ""
+    except RecursionError:
+        problem = "xacro cannot expand it: its macros or files include each other endlessly, or too deeply"
+        return None, problem, "look for one that includes itself"
     except Exception as error:  # errors of the file's own expressions are of any type
         problem = " ".join(f"{type(error).__name__}: {error}".split())
         return None, f"xacro cannot expand it: {problem}", f"expand it by {by_hand}, with its arguments"

@@ -1,8 +1,12 @@
 """What is wrong with a robot description, or was assumed in reading it."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import islice
 from pathlib import Path
+
+MOST_NAMED = 20  # names that a finding lists
 
 
 class Severity(StrEnum):
@@ -37,3 +41,9 @@ class Finding:
         element = f"{self.element}: " if self.element else ""
         remedy = f"; {self.remedy}" if self.remedy else ""
         return f"{where}: {element}{self.text}{remedy}"
+
+
+def listed(names: Collection[str]) -> str:
+    """Names in a row, for a finding; of many the first MOST_NAMED, and how many there are beside them."""
+    more = len(names) - MOST_NAMED
+    return ", ".join(islice(names, MOST_NAMED)) + (f" and {more} more" if more > 0 else "")

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hmap_core.robot_description.node import Node
-from hmap_core.robot_description.tree import ASSUMED_FIXED, MOVING, Joint
+from hmap_core.robot_description.node import LARGEST, Node
+from hmap_core.robot_description.tree import ASSUMED_FIXED, MOVING, Joint, mimic_relations
 from hmap_core.transforms import from_rpy
 
 SOFT = ("lower", -np.inf), ("upper", np.inf)  # limits of a safety controller, and what counts where they are missing
@@ -14,6 +14,7 @@ LIMITED = ("revolute", "prismatic")
 UNIT_TOLERANCE = 1e-3  # deviation of an axis' length from 1 that is rounding
 LARGEST_ANGLE = 2.01 * np.pi  # rad; a larger one in an origin is probably in degrees
 MOST_TURNS = 4  # of a revolute joint to either side; more are probably in degrees
+MIMIC_TOLERANCE = 1e-3  # rad or m by which a joint may leave its limits where it mimics another, as by rounding
 SHORTEST_AXIS = 1e-6  # shorter ones have no direction
 
 
@@ -164,20 +165,33 @@ def _check_dynamics(node: Node) -> None:
 
 
 def check_mimics(nodes: dict[str, Node], joints: Sequence[Joint]) -> None:
-    """Records an error for each joint that mimics one that does not exist, or itself."""
+    """Records what is wrong with the joints that mimic others.
+
+    An error for each that mimics one that does not exist, or itself; a warning for each that leaves its own limits when
+    the joint that drives it moves through its range.
+    """
     by_name = {joint.name: joint for joint in joints}
     for joint in joints:
-        seen, other = [joint.name], joint
-        first = joint.mimic[0] if joint.mimic else ""
-        while other.mimic is not None:
-            driver = other.mimic[0]
-            if driver not in by_name:
-                if other is joint:
-                    nodes[joint.name].error(f"mimics '{driver}', which is not in the URDF")
-                break
-            if driver in seen:
-                if driver == joint.name:
-                    nodes[joint.name].error(f"mimics '{first}', which follows it in turn")
-                break
-            seen.append(driver)
-            other = by_name[driver]
+        if joint.mimic is not None and joint.mimic[0] not in by_name:
+            nodes[joint.name].error(f"mimics '{joint.mimic[0]}', which is not in the URDF")
+    drivers, rings = mimic_relations(by_name)
+    for ring in rings:
+        for name, driver in zip(ring, [*ring[1:], ring[0]], strict=True):
+            nodes[name].error(f"mimics '{driver}', which follows it in turn")
+    for name, (driver, factor, offset) in drivers.items():
+        if name != driver and not (abs(factor) <= LARGEST and abs(offset) <= LARGEST):
+            text = f"it moves {factor:g} times as far as '{driver}', which drives it, and {offset:g} beside it"
+            nodes[name].error(text, f"at most {LARGEST:g} is allowed")
+        elif name != driver:
+            _check_range(nodes[name], by_name[name], by_name[driver], factor, offset)
+
+
+def _check_range(node: Node, joint: Joint, driver: Joint, factor: float, offset: float) -> None:
+    """Warns of a mimic joint that leaves its own limits within the range of the joint that drives it."""
+    ends = [factor * end + offset if factor else offset for end in (driver.lower, driver.upper)]
+    if min(ends) < joint.lower - MIMIC_TOLERANCE or max(ends) > joint.upper + MIMIC_TOLERANCE:
+        node.warn(
+            f"leaves its limits {joint.lower:g} to {joint.upper:g}: '{driver.name}', which it mimics, moves it from "
+            f"{min(ends):g} to {max(ends):g}, and it is moved so",
+            f"widen its limits, or narrow those of '{driver.name}'",
+        )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hmap_core.robot_description.description import Link, RobotDescription
 from hmap_core.robot_description.document import read_document
-from hmap_core.robot_description.findings import Finding
+from hmap_core.robot_description.findings import Finding, listed
 from hmap_core.robot_description.geometry import read_shape
 from hmap_core.robot_description.inertia import read_inertial
 from hmap_core.robot_description.joints import check_mimics, read_joint
@@ -99,7 +99,7 @@ def _joined(joints: dict[str, Joint], nodes: dict[str, Node], links: dict[str, L
     for joint in joints.values():
         missing = [link for link in (joint.parent, joint.child) if link not in links]
         for link in dict.fromkeys(missing):
-            nodes[joint.name].error(f"names the link '{link}', which is missing", f"there are: {', '.join(links)}")
+            nodes[joint.name].error(f"names the link '{link}', which is missing", f"there are: {listed(links)}")
         if missing:
             continue
         other = joined.setdefault(joint.child, joint)
@@ -116,12 +116,12 @@ def _root(robot: Node, links: dict[str, Link], joints: Sequence[Joint], nodes: d
     """
     rings = loops(joints)
     for ring in rings:
-        names = ", ".join(f"'{joint.name}'" for joint in ring)
+        names = listed([f"'{joint.name}'" for joint in ring])
         nodes[ring[0].name].error(f"the joints {names} form a loop", "a URDF is a tree; remove one of the joints")
     children = {joint.child for joint in joints}
     roots = [name for name in links if name not in children]
     if len(roots) > 1 and whole:
-        names = ", ".join(f"'{name}'" for name in roots)
+        names = listed([f"'{name}'" for name in roots])
         problem = f"has {len(roots)} links that are the child of no joint: {names}"
         robot.error(problem, "exactly one, the base, is allowed; connect the others by joints")
     return roots[0] if len(roots) == 1 and not rings else ""

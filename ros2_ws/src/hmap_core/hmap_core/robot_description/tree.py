@@ -1,7 +1,8 @@
 """Joints of a robot description, and the tree that they form: paths, mimic relations, link frames."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -64,10 +65,10 @@ class JointTree:
     def __post_init__(self):
         object.__setattr__(self, "by_name", {joint.name: joint for joint in self.by_child.values()})
 
-    def path(self, link: str) -> list[Joint]:
-        """The joints from the root to a link."""
+    def path(self, link: str, known: Collection[str] = ()) -> list[Joint]:
+        """The joints from the root, or from the nearest of some known links above it, to a link."""
         path = []
-        while link in self.by_child:
+        while link in self.by_child and link not in known:
             path.append(self.by_child[link])
             link = path[-1].parent
         return path[::-1]
@@ -84,15 +85,19 @@ class JointTree:
         Raises:
             InputError: INVALID_SCENE; it mimics a joint that does not exist, or itself.
         """
-        factor, offset, seen = 1.0, 0.0, [name]
-        while (joint := self.by_name[name]).mimic is not None:
-            name, multiplier, constant = joint.mimic
-            if name not in self.by_name or name in seen:
-                problem = "is not in the URDF" if name not in self.by_name else "follows it in turn"
-                raise InputError(f"joint '{joint.name}' mimics '{name}', which {problem}", Code.INVALID_SCENE)
-            factor, offset = factor * multiplier, offset + factor * constant
-            seen.append(name)
-        return name, factor, offset
+        if name in self._drivers:
+            return self._drivers[name]
+        seen = {name}
+        while (mimic := self.by_name[name].mimic) is not None and mimic[0] in self.by_name and mimic[0] not in seen:
+            name = mimic[0]
+            seen.add(name)
+        other = mimic[0] if mimic is not None else name
+        problem = "follows it in turn" if other in self.by_name else "is not in the URDF"
+        raise InputError(f"joint '{name}' mimics '{other}', which {problem}", Code.INVALID_SCENE)
+
+    @cached_property
+    def _drivers(self) -> dict[str, tuple[str, float, float]]:
+        return mimic_relations(self.by_name)[0]
 
     def mimics(self, name: str) -> dict[str, tuple[float, float]]:
         """The joints that mimic a joint, directly or through others.
@@ -147,17 +152,52 @@ class JointTree:
         return T
 
 
+def mimic_relations(joints: Mapping[str, Joint]) -> tuple[dict[str, tuple[str, float, float]], list[list[str]]]:
+    """Resolves all mimic relations.
+
+    Args:
+        joints: all joints, by name.
+
+    Returns:
+        For each joint the independent joint that drives it, the multiplier and the offset; joints that none drives are
+        left out. And the names of the joints in each ring, in which each mimics the next one.
+    """
+    drivers: dict[str, tuple[str, float, float]] = {}
+    rings: list[list[str]] = []
+    lost: set[str] = set()
+    for name in joints:
+        followed: dict[str, tuple[str, float, float]] = {}
+        while name in joints and name not in drivers and name not in lost and name not in followed:
+            mimic = joints[name].mimic
+            if mimic is None:
+                drivers[name] = name, 1.0, 0.0
+            else:
+                followed[name], name = mimic, mimic[0]
+        if name in followed:
+            names = list(followed)
+            rings.append(names[names.index(name) :])
+        if name not in drivers:
+            lost.update(followed)
+            continue
+        for follower, (mimicked, multiplier, constant) in reversed(followed.items()):
+            driver, factor, offset = drivers[mimicked]
+            drivers[follower] = driver, multiplier * factor, multiplier * offset + constant
+    return drivers, rings
+
+
 def loops(joints: Iterable[Joint]) -> list[list[Joint]]:
     """The loops that joints form, if each link is the child of one joint at most."""
     above = {joint.child: joint for joint in joints}
-    found, done = [], set()
+    found: list[list[Joint]] = []
+    done: set[str] = set()
     for start in above:
-        path: list[str] = []
+        path: dict[str, None] = {}
         link = start
         while link in above and link not in done and link not in path:
-            path.append(link)
+            path[link] = None
             link = above[link].parent
         if link in path:
-            found.append([above[child] for child in reversed(path[path.index(link) :])])
+            around = list(path)
+            found.append([above[child] for child in reversed(around[around.index(link) :])])
         done |= set(path)
     return found

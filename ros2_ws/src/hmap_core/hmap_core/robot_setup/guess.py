@@ -5,11 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
+from hmap_core.exceptions import Code, InputError
 from hmap_core.kinematics.urdf import Urdf, load_urdf
 from hmap_core.robot_description import Joint
 from hmap_core.robot_setup.gripper import DIGITS, GripperGuess, NoGripper, guess_gripper
 from hmap_core.robot_setup.points import LinkPoints
 from hmap_core.robot_setup.structure import Structure, find_structure
+from hmap_core.scenes.robot_rules import MOST_JOINTS
 from hmap_core.transforms import IDENTITY, pose
 
 TURN = 3.141593  # rad, limit of a joint without limits
@@ -67,6 +69,9 @@ def guess_robot(file: Path, tip: str | None = None) -> RobotGuess:
     """
     urdf = load_urdf(file)
     structure = find_structure(urdf, file, tip)
+    if len(structure.arm) > MOST_JOINTS:
+        text = f"{file}: the chain to '{structure.palm}' has {len(structure.arm)} joints that move"
+        raise InputError(f"{text}; an arm may have {MOST_JOINTS}: choose its last link by --tip", Code.INVALID_SCENE)
     notes = {"joints": _joint_notes(structure)}
     gripper = None
     if structure.fingers:

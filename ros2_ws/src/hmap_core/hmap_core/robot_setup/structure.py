@@ -1,6 +1,6 @@
 """Which joints of a URDF are the arm, and which link carries the fingers."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -96,24 +96,33 @@ class _Branches:
         self._children: dict[str, list[Joint]] = {link: [] for link in urdf.hulls}
         for joint in urdf.tree.by_child.values():
             self._children.setdefault(joint.parent, []).append(joint)
+        self._depths: dict[str, int] = {}
 
     def depth(self, link: str) -> int:
         """Number of independent joints above a link."""
-        return sum(independent(joint) for joint in self.urdf.tree.path(link))
+        above = self.urdf.tree.path(link, self._depths)
+        depth = self._depths.get(above[0].parent if above else link, 0)
+        for joint in above:
+            depth += independent(joint)
+            self._depths[joint.child] = depth
+        return depth
 
     def branches(self, link: str) -> Iterator[Joint]:
         """The nearest moving joints below a link."""
-        for joint in self._children[link]:
-            if joint.moves:
-                yield joint
-            else:
-                yield from self.branches(joint.child)
+        return (joint for joint in self._walk(link, lambda joint: not joint.moves) if joint.moves)
 
     def below(self, link: str) -> Iterator[Joint]:
         """All joints below a link."""
-        for joint in self._children[link]:
+        return self._walk(link, lambda joint: True)
+
+    def _walk(self, link: str, on: Callable[[Joint], bool]) -> Iterator[Joint]:
+        """The joints below a link, and below those for which ``on`` is true, each before those below it."""
+        left = self._children[link][::-1]
+        while left:
+            joint = left.pop()
             yield joint
-            yield from self.below(joint.child)
+            if on(joint):
+                left += self._children[joint.child][::-1]
 
     def heads(self) -> list[str]:
         """The links that a moving joint carries directly."""
@@ -122,9 +131,9 @@ class _Branches:
     def rigid(self, link: str) -> Iterator[str]:
         """A link and all that are fixed to it, downwards."""
         yield link
-        for joint in self._children[link]:
+        for joint in self._walk(link, lambda joint: not joint.moves):
             if not joint.moves:
-                yield from self.rigid(joint.child)
+                yield joint.child
 
 
 def _palm_or_tip(tree: _Branches, notes: list[str]) -> str:

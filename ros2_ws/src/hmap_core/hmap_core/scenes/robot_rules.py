@@ -12,6 +12,7 @@ from hmap_core.types import RobotModel
 
 LIMIT_TOLERANCE = 1e-4  # rad or m, excess over a limit of the URDF that is attributed to rounding
 VELOCITY_TOLERANCE = 1e-3  # the same for velocity limits, relative
+MOST_JOINTS = 100  # of an arm; the time of a Newton step grows with the square of their number
 
 Place = tuple[str | int, ...]  # keys of the robot file
 
@@ -46,6 +47,9 @@ class ArmEntry:
 
 def problems(description: RobotDescription, arm: ArmEntry) -> Iterator[Problem]:
     """Finds contradictions between a robot file and a valid robot description."""
+    if len(arm.joints) > MOST_JOINTS:
+        yield Problem(("joints",), f"has {len(arm.joints)} joints; an arm may have {MOST_JOINTS}")
+        return
     yield from _chain(description, arm)
     yield from _limits(description, arm)
     yield from _others(description, arm)
@@ -107,14 +111,13 @@ def allowed_limits(description: RobotDescription, arm: ArmEntry) -> tuple[np.nda
 
 def _others(description: RobotDescription, arm: ArmEntry) -> Iterator[Problem]:
     """Joints that the file does not name, and that have to move or cannot stay where they are."""
-    tree = description.tree
+    tree, carried = description.tree, _carried(description, arm.end_effector_link)
     for joint in _unnamed(description, arm):
         driver, _, _ = tree.driver(joint)
-        carried = _carried(description, joint, arm.end_effector_link)
-        if carried is None:
+        if joint not in carried:
             continue
         if driver in arm.joints:
-            text = f"{joint} mimics it in the URDF and moves {carried}; only gripper joints may mimic others"
+            text = f"{joint} mimics it in the URDF and moves {carried[joint]}; only gripper joints may mimic others"
             yield Problem(("joints", arm.joints.index(driver)), text)
             continue
         value, limits = tree.value(joint, {}), tree.by_name[joint]
@@ -131,13 +134,17 @@ def _unnamed(description: RobotDescription, arm: ArmEntry) -> list[str]:
     return [name for name in moving if tree.driver(name)[0] not in arm.gripper_joints]
 
 
-def _carried(description: RobotDescription, joint: str, end_effector_link: str) -> str | None:
-    """A link that a joint moves and that matters: it has a shape, or is the end effector's."""
+def _carried(description: RobotDescription, end_effector_link: str) -> dict[str, str]:
+    """For each joint that moves a link that matters the first such link: it has a shape, or is the end effector's."""
+    carried: dict[str, str] = {}
+    by_child = description.tree.by_child
     for name, link in description.links.items():
         if link.shapes or name == end_effector_link:
-            if any(other.name == joint for other in description.tree.path(name)):
-                return name
-    return None
+            at = name
+            while at in by_child and by_child[at].name not in carried:
+                carried[by_child[at].name] = name
+                at = by_child[at].parent
+    return carried
 
 
 def unnamed_joints(description: RobotDescription, arm: ArmEntry) -> list[Finding]:

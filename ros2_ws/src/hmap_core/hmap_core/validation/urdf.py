@@ -1,6 +1,7 @@
 """Kinematics and collision shapes of a robot from its URDF, with the standard library and NumPy only."""
 
 import os
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -239,20 +240,21 @@ def _tree(path: Path, links: list[str], joints: list[Joint]) -> tuple[str, tuple
     """Name of the base link, and the joints in order; they have to form one tree of links that exist."""
     children = [joint.child for joint in joints]
     for kind, names in (("link", links), ("joint", [joint.name for joint in joints]), ("child link", children)):
-        twice = {name for name in names if names.count(name) > 1}
+        twice = {name for name, count in Counter(names).items() if count > 1}
         if twice:
             raise invalid_plan(f"{path}: the {kind} {', '.join(sorted(twice))} is there twice")
     missing = {link for joint in joints for link in (joint.parent, joint.child)} - set(links)
     if missing:
         raise invalid_plan(f"{path}: joints name the links {', '.join(sorted(missing))}, which are missing")
-    roots = [link for link in links if link not in children]
+    roots = set(links).difference(children)
     if len(roots) != 1:
         raise invalid_plan(f"{path}: {len(roots)} links without a parent; a robot has exactly one")
-    ordered = _ordered(joints, roots[0])
+    root = roots.pop()
+    ordered = _ordered(joints, root)
     if len(ordered) != len(joints):
         loop = {joint.name for joint in joints} - {joint.name for joint in ordered}
         raise invalid_plan(f"{path}: the joints {', '.join(sorted(loop))} form a loop")
-    return roots[0], ordered
+    return root, ordered
 
 
 def _element(path: Path) -> Element:
