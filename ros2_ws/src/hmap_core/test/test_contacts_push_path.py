@@ -9,6 +9,10 @@ from geometry_fixtures import TABLE, box, yaw
 from hmap_core.contacts.friction import in_cone, needed_wrench
 from hmap_core.contacts.push import SlidingBody
 from hmap_core.contacts.push_path import PushPlanner, final_pushes, first_pushes, sides
+from hmap_core.planner.components import local_components
+from hmap_core.planner.protocols import ObjectPathQuery
+from hmap_core.planner.strategies.pushed_paths import push_planner
+from hmap_core.scenes import load_scene
 from hmap_core.transforms import distance, interpolate, pose
 from hmap_core.types import BodyKind, Shape, ShapeKind
 from hmap_core.waypoints import ObjectPathProblem, plan_waypoints
@@ -96,6 +100,19 @@ def test_round_a_wall():
     assert_can_be_pushed(path)
     with pytest.raises(AssertionError):
         assert_can_be_pushed(found)  # which is why it is needed
+
+
+def test_round_a_corner_with_as_few_pushes_as_there_is_room_for():
+    # the shortest way touches both corners of the block; a little away from them, three pushes get round it
+    scene = load_scene("puck_around", seed=0)
+    query = ObjectPathQuery(scene, scene.start_state(), scene.goal, 0, 60.0, 10_000)
+    poses = local_components().object_path.plan_path(query).poses
+    pushes = push_planner(scene, scene.start_state(), "puck", poses)
+    path = pushes.path(poses, None)
+    way = np.diff(path[:, :2], axis=0)
+    turned = np.abs(np.diff(np.unwrap(np.arctan2(way[:, 1], way[:, 0])))) > np.deg2rad(5.0)
+    assert turned.sum() == 2
+    assert all(pushes.checker.motion_free(a, b) for a, b in zip(path, path[1:], strict=False))
 
 
 def test_other_sides_are_preferred_at_random_and_the_same_seed_gives_the_same():

@@ -45,6 +45,9 @@ SIDE_COST_FACTOR, CONNECTION_COST_FACTOR = 4.0, 1.5
 NODE_STEP = 0.08  # m between poses of the path that can be connected; a rotation by 1 rad counts as the body's radius
 MAX_NODES = 24  # largest number of poses that can be connected
 MAX_TURNED_NODES = 8  # the same if each is turned in two ways as well
+# m beside the path of poses that can be connected as well, so that fewer legs get round a corner
+BESIDE = (0.0, 0.03, -0.03, 0.06, -0.06)
+MAX_NODES_BESIDE = 14  # largest number of poses of the path for which others beside them are looked at
 TURNED = float(np.deg2rad(45.0))  # rad; turns on the way, so that the sides face other directions
 AVOIDED = float(np.deg2rad(30.0))  # rad between a leg and a direction that is avoided
 MAX_LEGS = 4000  # number of checked legs after which the search fails
@@ -198,6 +201,10 @@ class PushPlanner:
         states = [self._state(T) for T in self._nodes(poses, MAX_TURNED_NODES if avoided else MAX_NODES)]
         if avoided:
             states = _with_turns(states)
+        elif len(states) <= MAX_NODES_BESIDE and all(
+            abs(_wrapped(state[2] - states[0][2])) < MIN_TURN for state in states
+        ):
+            states = _with_sides(states)
         order, before = count(), {}
         queue: list[tuple[float, int, int, int, tuple[Leg, ...]]] = [(0.0, 0, 0, -1, ())]
         while queue:
@@ -318,6 +325,16 @@ def _with_turns(states: list[np.ndarray]) -> list[np.ndarray]:
     *others, last = states
     before = [state + [0.0, 0.0, turn] for state in others for turn in (0.0, TURNED, -TURNED)]
     return [*before, last + [0.0, 0.0, TURNED], last - [0.0, 0.0, TURNED], last]
+
+
+def _with_sides(states: list[np.ndarray]) -> list[np.ndarray]:
+    """States (3,), each displaced to both sides of the path as well; the first and the last stay alone."""
+    found = states[:1]
+    for before, state, after in zip(states, states[1:], states[2:], strict=False):
+        way = after[:2] - before[:2]
+        across = np.array([-way[1], way[0], 0.0]) / max(float(np.hypot(*way)), MIN_LENGTH)
+        found += [state + beside * across for beside in BESIDE]
+    return [*found, *states[1:][-1:]]
 
 
 def _is_along(leg: Leg, direction: float) -> bool:

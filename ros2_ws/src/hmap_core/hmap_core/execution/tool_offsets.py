@@ -77,9 +77,9 @@ class ToolOffsets:
 
 
 def blend(u: np.ndarray) -> np.ndarray:
-    """From 0 at times u <= 0 to 1 at u >= 1 without jumps of velocity and acceleration; rounding does not leave that."""
+    """From 0 at times u <= 0 to 1 at u >= 1, without jumps of velocity and acceleration."""
     u = np.clip(u, 0.0, 1.0)
-    return np.clip(u**3 * (10.0 - 15.0 * u + 6.0 * u**2), 0.0, 1.0)
+    return np.clip(u**3 * (10.0 - 15.0 * u + 6.0 * u**2), 0.0, 1.0)  # rounding makes it more than 1
 
 
 def _shifted(robot: Robot, motion: JointTrajectory, before: np.ndarray, after: np.ndarray) -> JointTrajectory:
