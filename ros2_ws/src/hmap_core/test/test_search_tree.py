@@ -5,9 +5,10 @@ from obstacle_fixtures import corridor, heavy_slab
 from planner_fixtures import carry
 
 from hmap_core.cli.main import main
-from hmap_core.exceptions import Code, ContactError, HmapError, MotionError
+from hmap_core.exceptions import Code, ContactError, HmapError, MotionError, PlannerError
 from hmap_core.planner import plan
 from hmap_core.planner.contact_checker import LocalContactChecker
+from hmap_core.planner.context import Record
 from hmap_core.planner.search_tree import Attempt, SearchTree
 
 TIME_LIMIT = 120.0  # s; a busy machine is slow
@@ -82,3 +83,16 @@ def test_a_failure_shows_object_path_waypoint_contacts_and_reason(tmp_path, caps
     code = main(["plan", scene.task, "--seed", "1", "--out", str(tmp_path / "plan.json"), "--explain"])
     shown = capsys.readouterr()
     assert code == 1 and "contacts on 'outer'" in shown.out and "'inner'" in shown.err
+
+
+def test_a_job_that_ends_early_within_another_one_says_what_failed_before():
+    """It said that nothing was tried yet, after minutes of search."""
+    record = Record(SearchTree("task"))
+    assert record.last_reason() == "nothing was tried yet"
+    record.failed(PlannerError("none of 470 contacts is reachable", Code.NO_CONTACT))
+    for _ in range(2):  # two removals begin
+        record.forget()
+    assert record.reason == "nothing was tried yet"
+    assert "none of 470 contacts" in record.last_reason()
+    record.failed(PlannerError("no way to move on", Code.NO_MOTION))
+    assert "no way to move on" in record.last_reason()

@@ -20,6 +20,7 @@ from hmap_core.timed_work import work_until
 from hmap_core.types import Scene, SceneState
 
 _MAX_SEED = 2**31 - 1
+NOTHING_TRIED = "nothing was tried yet"
 
 
 @dataclass
@@ -29,16 +30,18 @@ class Record:
     Attributes:
         tree: what was tried.
         reason, code: of the last failure.
+        earlier: the last reason before a job within the job began.
         error: the last failure itself, if it was an error.
         counts: statistics of the plan.
         contact_searches: how often contacts were searched, with or without success.
     """
 
     tree: SearchTree
-    reason: str = "nothing was tried yet"
+    reason: str = NOTHING_TRIED
     code: Code = Code.NO_MOTION
     error: HmapError | None = None
     contact_searches: int = 0
+    earlier: str = NOTHING_TRIED
     counts: dict[str, int] = field(
         default_factory=lambda: {
             "waypoint_plans": 0,
@@ -53,13 +56,18 @@ class Record:
         """Remember an error as the last failure."""
         self.reason, self.code, self.error = str(error), error.code, error
 
+    def last_reason(self) -> str:
+        """Of the last failure, whichever job within the job it was of."""
+        return self.earlier if self.reason == NOTHING_TRIED else self.reason
+
     def last_failure(self) -> Failure:
         """The last failure as the outcome of a strategy."""
         return Failure.of(self.error or PlannerError(self.reason, self.code))
 
     def forget(self) -> None:
         """Start anew with the last failure, as a job of its own does."""
-        self.reason, self.code, self.error = "nothing was tried yet", Code.NO_MOTION, None
+        self.earlier = self.last_reason()
+        self.reason, self.code, self.error = NOTHING_TRIED, Code.NO_MOTION, None
 
 
 @dataclass(frozen=True)
@@ -134,11 +142,11 @@ class SearchContext:
             raise PlannerError("planning was canceled", Code.CANCELED)
         if cpu_time_used_up():
             allowed = "the processor time that planning has by default; give a time limit for more"
-            raise PlannerError(f"no plan within {allowed}; last: {self.record.reason}", Code.TIME_LIMIT)
+            raise PlannerError(f"no plan within {allowed}; last: {self.record.last_reason()}", Code.TIME_LIMIT)
         left = self.budget.deadline - time.monotonic()
         if left <= 0.0:
             limit = self.budget.time_limit
-            raise PlannerError(f"no plan within {limit:g} s; last: {self.record.reason}", Code.TIME_LIMIT)
+            raise PlannerError(f"no plan within {limit:g} s; last: {self.record.last_reason()}", Code.TIME_LIMIT)
         return left
 
     @contextmanager
