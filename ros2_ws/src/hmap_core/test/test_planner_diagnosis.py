@@ -5,13 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from planner_fixtures import disc
 from simulation_fixtures import box, scene
 
 from hmap_core import planner
 from hmap_core.contacts.grip_width import grip_problem, narrowest
 from hmap_core.exceptions import Code, ContactError, HmapError
-from hmap_core.planner.diagnosis import hand_fits, why_no_contact, why_not_moved
+from hmap_core.planner.diagnosis import hand_fits, hand_fits_at_goal, why_no_contact, why_not_moved
 from hmap_core.planner.hmap_planner import HmapPlanner, PlanningJob
+from hmap_core.planner.immovable import why_immovable
 from hmap_core.planner.preconditions import check_grip
 from hmap_core.planner.reachability import check_start
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
@@ -156,3 +158,11 @@ def test_a_lift_of_what_no_gripper_holds_is_refused_before_anything_is_planned()
 def test_a_push_and_a_turn_over_need_no_grip():
     for made in (in_niche(), on_step(turn=(np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))), on_step(size=(0.05, 0.09, 0.09))):
         check_grip(made, made.start_state(), made.goal)
+
+
+def test_a_hand_fits_on_a_disc_that_it_can_only_drag(tmp_path):
+    """A disc has no side to push; that a hand drags it from above was not looked at, for obstacles neither."""
+    made = disc(tmp_path)
+    assert hand_fits(made, made.start_state(), "disc")
+    assert hand_fits_at_goal(made, made.start_state(), "disc", made.goal.pose)
+    assert not why_immovable(made, made.start_state(), "disc")

@@ -4,6 +4,7 @@ import numpy as np
 from geometry_fixtures import TABLE, box
 from waypoints_fixtures import tunnel
 
+from hmap_core.planner.segments.object_steps import thinned
 from hmap_core.transforms import interpolate, pose
 from hmap_core.types import BodyKind
 from hmap_core.waypoints import ObjectPathProblem, slide_then_lift
@@ -45,3 +46,18 @@ def test_a_body_that_does_not_stand_does_not_slide():
     high = ObjectPathProblem(BAR, UP, GOAL, (TABLE,))
     assert slide_then_lift(high, flown(UP, GOAL)) is None
     assert slide_then_lift(problem(), flown(START, pose((0, 0.25, 0.1)))) is None
+
+
+def test_where_the_path_goes_straight_up_the_slide_has_no_pose_twice():
+    """A contact that served along such poses had no step, which ended planning with an input error."""
+    over = pose((0, 0.25, 0.15))
+    way = slide_then_lift(problem(), flown(START, over, pose((-0.4, 0.25, 0.15)), UP, GOAL))
+    assert (np.linalg.norm(np.diff(way, axis=0), axis=1) > 1e-6).all()
+    np.testing.assert_allclose(way[[0, -1]], [START, GOAL], atol=1e-9)
+
+
+def test_the_steps_of_a_contact_have_both_ends():
+    still = np.repeat(START[None], 5, axis=0)
+    poses, keyframes = thinned(still, np.arange(5.0)[:, None], 1.0)
+    assert poses.shape == (2, 7)
+    np.testing.assert_array_equal(keyframes[:, 0], [0.0, 4.0])

@@ -33,6 +33,7 @@ from hmap_core.waypoints.resample import POSITION_STEP, resample
 SAME_CORNER = 1e-4  # m; corners of a footprint that are nearer are the same
 SAME_NORMAL = float(np.cos(np.deg2rad(2.0)))  # between a face and the footprint's edge below it
 SAME_HEADING = 3  # digits of an angle in rad
+ROUND = np.deg2rad([0.0, 90.0, 180.0, 270.0]).tolist()  # headings of a body without straight sides, rad
 END_DISTANCE = 0.01  # m; no pushes this close to the ends of a side
 PUSH_POINT_TOLERANCE = 0.01  # m; uncertainty of an arc's push point that costs nothing
 CURVATURES = (1.0, 3.0, 10.0)  # curvatures that are tried, relative to the largest one within PUSH_POINT_TOLERANCE
@@ -129,7 +130,7 @@ def final_pushes(body: Body, T: np.ndarray, steps: int) -> list[np.ndarray]:
         steps: number of poses.
 
     Returns:
-        Poses (steps, 7) for each side of the body.
+        Poses (steps, 7) for each side of the body; in some directions, where it has none, as a disc that is dragged.
     """
     return _straight_pushes(body, T, np.arange(1 - steps, 1))
 
@@ -143,7 +144,7 @@ def first_pushes(body: Body, T: np.ndarray, steps: int) -> list[np.ndarray]:
         steps: number of poses.
 
     Returns:
-        Poses (steps, 7) for each side of the body.
+        Poses (steps, 7) for each side of the body; in some directions, where it has none, as a disc that is dragged.
     """
     return _straight_pushes(body, T, np.arange(steps))
 
@@ -151,10 +152,12 @@ def first_pushes(body: Body, T: np.ndarray, steps: int) -> list[np.ndarray]:
 def _straight_pushes(body: Body, T: np.ndarray, ahead: np.ndarray) -> list[np.ndarray]:
     """Poses (M, 7) of straight pushes through a pose T (7,): steps (M,) ahead of it, for each side of the body."""
     slide = SlidingBody(body, T)
+    if not slide.footprint:
+        return []
     found = []
-    for side in sides(body, slide) if slide.footprint else []:
+    for heading in [side.heading for side in sides(body, slide)] or ROUND:
         poses = np.tile(np.asarray(T, float), (len(ahead), 1))
-        poses[:, :2] += POSITION_STEP * ahead[:, None] * [np.cos(side.heading), np.sin(side.heading)]
+        poses[:, :2] += POSITION_STEP * ahead[:, None] * [np.cos(heading), np.sin(heading)]
         found.append(poses)
     return found
 

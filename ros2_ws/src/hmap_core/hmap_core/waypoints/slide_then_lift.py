@@ -14,6 +14,7 @@ from hmap_core.waypoints.problem import ObjectPathProblem
 from hmap_core.waypoints.resample import resample
 
 LEAST_SLIDE = 0.02  # m, shortest slide
+SAME = 1e-9  # m, or part of a quaternion, by which poses differ at most that are the same
 LEAST_RISE = 1e-3  # m, smallest height difference of a path that is lifted
 
 
@@ -47,5 +48,7 @@ def slide_then_lift(problem: ObjectPathProblem, poses: np.ndarray) -> np.ndarray
             return None
         if lift.motion_free(slid[last], poses[last]):
             rise, _ = resample(np.array([slid[last], poses[last]]))
-            return consistent(np.concatenate([slid[:last], rise, poses[last + 1 :]]))
+            found = np.concatenate([slid[:last], rise, poses[last + 1 :]])
+            moves = np.linalg.norm(np.diff(found, axis=0), axis=1) > SAME  # none where the path goes straight up
+            return consistent(found[np.append(True, moves)])
     return None

@@ -32,9 +32,9 @@ PATH_STRATEGIES = (
     SlideFirst(),
     PushedPaths(),
     PushedOn(),
-    EndsCheck(),  # what follows begins with a grasp, a push or a press, and takes long where it fails
     PushedAround(),
     PressedPath(),
+    EndsCheck(),  # what follows begins with a grasp, a push or a press
     CarryTogether(),
     ManipulationGraphStrategy(),
     HandOver(),
