@@ -179,9 +179,9 @@ def mimic_relations(joints: Mapping[str, Joint]) -> tuple[dict[str, tuple[str, f
         if name not in drivers:
             lost.update(followed)
             continue
-        for follower, (mimicked, multiplier, constant) in reversed(followed.items()):
+        for mimicking, (mimicked, multiplier, constant) in reversed(followed.items()):
             driver, factor, offset = drivers[mimicked]
-            drivers[follower] = driver, multiplier * factor, multiplier * offset + constant
+            drivers[mimicking] = driver, multiplier * factor, multiplier * offset + constant
     return drivers, rings
 
 
