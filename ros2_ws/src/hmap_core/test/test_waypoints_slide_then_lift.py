@@ -61,3 +61,4 @@ def test_the_steps_of_a_contact_have_both_ends():
     poses, keyframes = thinned(still, np.arange(5.0)[:, None], 1.0)
     assert poses.shape == (2, 7)
     np.testing.assert_array_equal(keyframes[:, 0], [0.0, 4.0])
+    assert len(thinned(still[:1], np.zeros((1, 1)), 1.0)[0]) == 1  # picked, and not carried

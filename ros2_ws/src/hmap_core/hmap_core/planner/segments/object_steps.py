@@ -15,7 +15,7 @@ def thinned(object_poses: np.ndarray, keyframes: np.ndarray, fineness: float) ->
     size = np.concatenate([[0.0], np.cumsum(np.maximum(moved / HOLD_STEP[0], turned / HOLD_STEP[1]))])
     count = max(2, int(np.ceil(size[-1] / fineness)) + 1)
     keep = np.unique(np.searchsorted(size, np.linspace(0.0, size[-1], count) - 1e-9).clip(0, len(size) - 1))
-    if len(keep) == 1:  # poses that are all alike
+    if len(keep) == 1 < len(size):  # poses that are all alike
         keep = np.array([0, 0])
     keep[-1] = len(size) - 1
     return object_poses[keep], keyframes[: len(object_poses)][keep]
