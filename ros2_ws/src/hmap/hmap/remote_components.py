@@ -16,6 +16,7 @@ from hmap.phase_conversions import (
 from hmap.requests import Caller, error_from_message
 from hmap_core.exceptions import WaypointError
 from hmap_core.planner import (
+    ContactProposer,
     ContactQuery,
     ContactSearchQuery,
     ObjectPathQuery,
@@ -41,14 +42,16 @@ CHECK_LIMIT = 30.0  # s for a check of contacts
 MAX_SEED = 2**31 - 1
 
 
-def remote_components(caller: Caller) -> PlannerComponents:
+def remote_components(caller: Caller, proposer: ContactProposer | None = None) -> PlannerComponents:
     """The components of a job whose phases other nodes do; tools are chosen, picked and placed in this process.
 
     Args:
         caller: calls the services.
+        proposer: if it is a ranker, it orders robots, tools and holds; contacts are those of `contact_proposer`.
     """
     return local_components(
         RosObjectPathPlanner(caller),
+        proposer,
         checker=RosContactChecker(caller),
         contacts=RosContactFinder(caller),
         segments=RosSegmentPlanner(caller),

@@ -8,7 +8,13 @@ from services import Serving
 
 from hmap.conversions import state_from_message, state_to_message
 from hmap.phase_conversions import path_to_response
-from hmap.remote_components import MAX_SEED, RosContactChecker, RosObjectPathPlanner, remote_components
+from hmap.remote_components import (
+    MAX_SEED,
+    RosContactChecker,
+    RosContactFinder,
+    RosObjectPathPlanner,
+    remote_components,
+)
 from hmap_core.kinematics.arm import load_arm
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import ContactQuery, ObjectPathQuery, plan
@@ -102,6 +108,29 @@ def test_a_tool_is_picked_used_and_placed_over_services(pushed_out):
     way = found.trajectory.objects["stick"]
     assert np.abs(way - way[0]).max() > 0.1
     np.testing.assert_allclose(way[-1], way[0], atol=1e-3)
+
+
+class Ranker:
+    """Ranks hands and holds, and proposes nothing."""
+
+    name = "told"
+
+    def propose(self, query):
+        return iter(())
+
+    def hand_serves(self, scene, state, object, object_poses, robots):
+        return np.ones(len(robots))
+
+    def hold_serves(self, scene, state, object, object_poses, holds):
+        return np.ones(len(holds)), np.ones(len(holds))
+
+
+def test_a_ranker_orders_tools_and_holds_although_contacts_come_from_a_node():
+    ranker = Ranker()
+    parts = remote_components(Serving(), ranker)
+    assert parts.ranker is ranker and parts.tools._ranker is ranker
+    assert isinstance(parts.contacts, RosContactFinder)
+    assert remote_components(Serving()).ranker is None
 
 
 def test_contacts_are_checked_where_they_are_proposed_and_counted(pushed_out):

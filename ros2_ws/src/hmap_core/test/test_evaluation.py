@@ -173,12 +173,29 @@ def test_the_command_writes_its_files(monkeypatch, tmp_path, capsys):
     assert (out / "tasks.png").stat().st_size > 1000 and "| tunnel |" in (out / "tasks.md").read_text()
 
 
+def test_the_proposer_is_that_of_every_trial(monkeypatch):
+    asked, planned = [], []
+    monkeypatch.setattr(trials, "run_trials", lambda wanted, *a: asked.extend(wanted) or [TrialResult(0, solved=True)])
+    assert main(["bench", "tasks", "--tasks", "tunnel", "--seeds", "1", "--proposer", "learned"]) == 0
+    assert [t.proposer for t in asked] == ["learned"]
+
+    def stand_in(scene, **options):
+        planned.append(options)
+        raise MotionError("no motion")
+
+    monkeypatch.setattr(run.planner, "plan", stand_in)
+    for proposer in ("learned", ""):
+        run.run_trial(Trial("tunnel", 0, 20.0, 1, proposer=proposer))
+    assert planned[0]["proposer"] == "learned" and "proposer" not in planned[1]
+
+
 @pytest.mark.parametrize(
     "arguments, text",
     [
         ("--tasks tunel", "unknown task 'tunel'"),
         ("--json /no/such/x.json", "no folder"),
         ("--out /dev/null/x", "folder"),
+        ("--proposer learnt", "unknown contact proposer 'learnt'; there are"),
     ],
 )
 def test_bad_input(arguments, text, capsys):

@@ -17,11 +17,12 @@ from hmap_core.planner.protocols import ContactQuery
 from hmap_core.planner.sampled_contacts import SampledContacts
 from hmap_core.scenes import SceneBuilder
 
-pytest.importorskip("pyarrow")
-from hmap_core.learning.dataset import Recipe, make  # noqa: E402
+pq = pytest.importorskip("pyarrow.parquet")
+from hmap_core.learning.dataset import Recipe, _prepare, make  # noqa: E402
 from hmap_core.learning.dataset_check import check  # noqa: E402
-from hmap_core.learning.examples import load_contacts, load_holds  # noqa: E402
+from hmap_core.learning.examples import load_all, load_contacts, load_holds  # noqa: E402
 from hmap_core.learning.metrics import average_precision, first_hits  # noqa: E402
+from hmap_core.learning.rows import scene_rows  # noqa: E402
 
 SAMPLE = Path(__file__).resolve().parents[4] / "examples" / "contacts_sample"
 pytestmark = pytest.mark.skipif(not SAMPLE.is_dir(), reason="the sample is in the repository only")
@@ -127,7 +128,7 @@ def test_training_for_some_seconds_on_the_sample_beats_chance():
     from hmap_core.learning.training import TrainingConfig, train
 
     config = TrainingConfig(epochs=6, hold_epochs=20)
-    trained = train(SAMPLE, config, time_limit=20.0)
+    trained = train([SAMPLE], config, time_limit=20.0)
     test = load_contacts(SAMPLE, "test")
     test = test[test.known]
     p, _ = trained.model.feasible(test.features)
@@ -139,6 +140,32 @@ def test_training_for_some_seconds_on_the_sample_beats_chance():
     assert learned < 0.6 * chance
     assert average_precision(test.feasible, p) > 2.0 * test.feasible.mean()
     assert len(load_holds(SAMPLE, "train")) > 50
+
+
+def test_a_relaxed_data_set_has_no_body_that_may_be_removed(tmp_path):
+    make(tmp_path / "set", Recipe(1, 0, ("clutter",)))
+    make(tmp_path / "relaxed", Recipe(1, 0, ("clutter",), relaxed=True))
+    around = {}
+    for name in ("set", "relaxed"):
+        (file,) = (tmp_path / name / "queries").glob("*.parquet")
+        around[name] = len(pq.read_table(file).column("around")[0])
+    assert around["relaxed"] < around["set"]
+    assert "--relaxed" in (tmp_path / "relaxed" / "README.md").read_text()
+    assert scene_rows(0, 0, ("tray",), leave_out=True).scene["status"] == "nothing to remove"
+    recipe = tmp_path / "set" / "recipe.json"
+    old = json.loads(recipe.read_text())
+    del old["relaxed"]  # as it was written before there was that choice
+    recipe.write_text(json.dumps(old))
+    _prepare(tmp_path / "set", Recipe(1, 0, ("clutter",)), True)
+    with pytest.raises(InputError, match="another data set"):
+        _prepare(tmp_path / "set", Recipe(1, 0, ("clutter",), relaxed=True), True)
+
+
+def test_queries_of_several_data_sets_stay_apart():
+    once, held = load_all([SAMPLE], "test")
+    contacts, holds = load_all([SAMPLE, SAMPLE], "test")
+    assert len(contacts) == 2 * len(once) and len(np.unique(contacts.query)) == 2 * len(np.unique(once.query))
+    assert len(holds) == 2 * len(held) and len(np.unique(holds.place)) == 2 * len(np.unique(held.place))
 
 
 @pytest.mark.parametrize(

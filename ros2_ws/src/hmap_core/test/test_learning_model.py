@@ -11,7 +11,7 @@ import pytest
 from hmap_core.contacts.camera import Cloud
 from hmap_core.exceptions import InputError
 from hmap_core.learning import features, hold_features, weights
-from hmap_core.learning.clearance import Boxes
+from hmap_core.learning.clearance import Boxes, box_distances, probe_distances
 from hmap_core.learning.features import contact_features
 from hmap_core.learning.hold_features import hold_features as features_of_hold
 from hmap_core.learning.metrics import average_precision, conformal_checks, first_hits, platt
@@ -22,7 +22,7 @@ from hmap_core.planner import plugins
 from hmap_core.planner.protocols import ContactProposer, ContactQuery, ManipulatorRanker
 from hmap_core.planner.sampled_contacts import SampledContacts
 from hmap_core.scenes import SceneBuilder
-from hmap_core.transforms import from_rpy, multiply
+from hmap_core.transforms import apply, from_rpy, multiply, rotation_matrices
 
 BLOCK_PATH = np.array([[0.45 + 0.01 * k, 0.1, 0.03, 0, 0, 0, 1.0] for k in range(12)])
 
@@ -64,6 +64,29 @@ def test_features_do_not_change_where_the_whole_scene_is_moved_or_turned():
     np.testing.assert_allclose(found[0][1], found[1][1], atol=2e-4)
     assert found[0][0].shape == (len(contacts), features.WIDTH) and found[0][1].shape == (hold_features.WIDTH,)
     assert len(features.NAMES) == features.WIDTH
+
+
+def test_probes_of_hands_are_where_the_object_carries_them():
+    rng = np.random.default_rng(4)
+    K, Q, T = 5, 6, 3
+
+    def poses(count):
+        drawn = rng.normal(size=(count, 7)) * [0.1, 0.1, 0.1, 1, 1, 1, 1]
+        drawn[:, 3:] /= np.linalg.norm(drawn[:, 3:], axis=1)[:, None]
+        return drawn
+
+    hands, stops, probes, ways = poses(K), poses(T), 0.1 * rng.normal(size=(K, Q, 3)), 0.1 * rng.normal(size=(K, 3))
+    back, half = np.array([1.0, 0.0, 0.5]), np.array([[0.05, 0.02, 0.1], [0.01, 0.08, 0.03]])
+    boxes = poses(2)
+    R_boxes, p_boxes = rotation_matrices(boxes), np.ascontiguousarray(boxes[:, :3])
+    found = probe_distances(
+        rotation_matrices(hands), np.ascontiguousarray(hands[:, :3]), probes, ways, rotation_matrices(stops),
+        np.ascontiguousarray(stops[:, :3]), back, R_boxes, p_boxes, half, 0.2,
+    )  # fmt: skip
+    for t in range(T):
+        for k in range(K):
+            at = apply(stops[t], apply(hands[k], probes[k]) - back[t] * ways[k])
+            np.testing.assert_allclose(found[k, t], box_distances(at, R_boxes, p_boxes, half, 0.2), atol=1e-12)
 
 
 def test_distances_are_negative_inside_and_limited_outside():

@@ -8,8 +8,11 @@ import pytest
 from hmap_core import planner
 from hmap_core.planner.components import local_components
 from hmap_core.planner.manipulator_order import contact_strategies
+from hmap_core.planner.robot_order import robot_order
 from hmap_core.planner.sampled_contacts import SampledContacts
+from hmap_core.planner.steps import Manipulator
 from hmap_core.planner.strategies import ATTACHED_FIRST, CONTACT_STRATEGIES, TOOL_FIRST
+from hmap_core.planner.tool_grasps import ToolGraspSearch
 from hmap_core.scenes import load_scene
 
 
@@ -65,11 +68,55 @@ def test_every_order_tries_hands_and_tools():
         assert {"by hand", "with a tool", "by hand, however far it reaches"} <= names
 
 
+class HandRanker(Ranker):
+    """Expects something else of each robot."""
+
+    def hand_serves(self, scene, state, object, object_poses, robots):
+        self.asked += 1
+        return np.array([self.hand[robot] for robot in robots])
+
+
+def test_a_robot_that_is_expected_to_serve_hardly_any_pose_is_queried_last():
+    scene = load_scene("tunnel", seed=1)
+    state, name = scene.start_state(), scene.goal.object
+    ahead = np.tile(state.poses[name], (10, 1))
+    near, far = robot_order(None, scene, state, name, ahead)
+
+    def order(**hand):
+        return robot_order(HandRanker(hand), scene, state, name, ahead)
+
+    assert order(**{near: 0.5, far: 0.9}) == (near, far)  # both may serve: the distance counts
+    assert order(**{near: 0.05, far: 0.9}) == (far, near)
+    assert order(**{near: 0.05, far: 0.06}) == (near, far)
+
+
+def test_one_robot_is_not_ranked(scene):
+    ranker, state = HandRanker({}), scene.start_state()
+    assert robot_order(ranker, scene, state, "cube", state.poses["cube"][None]) == ("panda",) and not ranker.asked
+
+
+def test_the_robots_of_a_waypoint_are_in_the_order_of_the_ranker():
+    scene = load_scene("tunnel", seed=1)
+    state, name = scene.start_state(), scene.goal.object
+    near, far = robot_order(None, scene, state, name, state.poses[name][None])
+    task = task_of(scene, HandRanker({near: 0.0, far: 1.0}))
+    assert Manipulator.of(task, None).robots == (far, near)
+
+
 def test_a_proposer_that_ranks_is_used_for_tools_and_one_that_does_not_is_not():
     ranker = Ranker()
     assert local_components(proposer=ranker).ranker is ranker
     assert local_components(proposer=SampledContacts()).ranker is None
     assert local_components().ranker is None
+
+
+def test_no_tool_is_looked_at_first_that_is_not_expected_to_serve(scene):
+    state, name = scene.start_state(), "cube"
+    ahead = np.tile(state.poses[name], (10, 1))
+    poor = Ranker(hold=0.1)
+    search = ToolGraspSearch(SampledContacts(), poor)
+    search._bound = None  # no contact of a tool is generated
+    assert search.tool_grasps(scene, state, name, ahead, 0, 60.0, likely=0.35) == [] and poor.asked == 1
 
 
 @pytest.mark.parametrize("expected", [0.0, 1.0])

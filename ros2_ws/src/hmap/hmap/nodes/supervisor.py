@@ -105,6 +105,8 @@ class Supervisor(ManagedNode):
             "time_limit", 120.0, "s for planning, of a goal that names none", 0.1, 86400.0
         )
         self._planner = self.parameter("planner", plugins.DEFAULT_PLANNER, "the method; see `hmap plugins`")
+        text = "orders robots, tools and their holds, if it can; see `hmap plugins`"
+        self._proposer = plugins.create(plugins.CONTACT_PROPOSERS, self.parameter("proposer", "sampled", text))
         self._patience = self.parameter(
             "service_patience", 5.0, "s to wait for a node that is away or has died", 0.0, 3600.0
         )
@@ -360,7 +362,7 @@ class Supervisor(ManagedNode):
         """The planner that the parameter names; H-MaP's phases are done by the components, or by the other nodes."""
         method = plugins.create(plugins.PLANNERS, self._planner)
         if isinstance(method, HmapPlanner):
-            components = self._components or remote_components(self._caller(job))
+            components = self._components or remote_components(self._caller(job), self._proposer)
             return replace(method, components=components, clouds=clouds, tool_grasp=attached)
         return method
 

@@ -24,6 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", type=count, default=SEEDS, metavar="N", help=f"how many for each task ({SEEDS})")
     parser.add_argument("--first-seed", type=natural, default=0, metavar="S", help="the first of them (0)")
     add_trial_arguments(parser, DEFAULT_TIME_LIMIT)
+    text = "proposes contacts before they are sampled (sampled); `hmap plugins` lists them"
+    parser.add_argument("--proposer", default="", metavar="NAME", help=text)
     parser.add_argument("--dask", metavar="ADDRESS", help="do them on the cluster of this Dask scheduler")
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="write tasks.json, tasks.md and tasks.png to this folder"
@@ -46,10 +48,14 @@ def run(arguments: argparse.Namespace) -> int:
         check_writable(arguments.json)
     if arguments.out:
         make_folder(arguments.out)
+    if arguments.proposer:
+        from hmap_core.planner import plugins  # slow to import, and rarely needed
+
+        plugins.create(plugins.CONTACT_PROPOSERS, arguments.proposer)  # a wrong name ends it before the first trial
     from hmap_core.evaluation import summary, trials  # slow to import, and not needed to reject a path
 
     wanted = [
-        Trial(task, seed, arguments.time_limit, arguments.replans)
+        Trial(task, seed, arguments.time_limit, arguments.replans, proposer=arguments.proposer)
         for task in trials.task_names(arguments.tasks, arguments.published)
         for seed in range(arguments.first_seed, arguments.first_seed + arguments.seeds)
     ]

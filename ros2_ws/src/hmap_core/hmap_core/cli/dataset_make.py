@@ -16,6 +16,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="an empty folder, or one to go on with")
     parser.add_argument("--scenes", type=count, required=True, metavar="N", help="how many scenes are drawn")
     parser.add_argument("--families", nargs="+", default=(), metavar="NAME", help="of scenes (all); they take turns")
+    text = "leave out what may be removed, and scenes without that: the relaxed problem of Algorithm 1"
+    parser.add_argument("--relaxed", action="store_true", help=text)
     seed_argument(parser)
     group = parser.add_mutually_exclusive_group()
     group.add_argument("--jobs", type=count, default=1, metavar="J", help="processes (1)")
@@ -30,7 +32,9 @@ def run(arguments: argparse.Namespace) -> int:
     from hmap_core.learning import dataset
     from hmap_core.learning.families import FAMILIES
 
-    recipe = dataset.Recipe(arguments.scenes, arguments.seed, tuple(arguments.families) or FAMILIES)
+    recipe = dataset.Recipe(
+        arguments.scenes, arguments.seed, tuple(arguments.families) or FAMILIES, relaxed=arguments.relaxed
+    )
     with ProgressLine() as line:
         dataset.make(
             arguments.out, recipe, arguments.jobs, arguments.dask, arguments.resume,

@@ -65,6 +65,8 @@ def _left_out(arguments: argparse.Namespace, line: ProgressLine) -> list:
     def trained(folder: Path, family: str):
         own = replace(config, without=(family,), seed=arguments.seed)
         text = f"training without {family}"
-        return train(folder, own, lambda name, epoch, of, loss: line.show(text, f"{name}, epoch {epoch} of {of}")).model
+        return train(
+            [folder], own, lambda name, epoch, of, loss: line.show(text, f"{name}, epoch {epoch} of {of}")
+        ).model
 
     return evaluation.leave_one_out(arguments.data, trained, families, arguments.seed)

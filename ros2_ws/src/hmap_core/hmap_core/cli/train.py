@@ -13,7 +13,7 @@ HELP = "train the model that scores contacts, on a data set of `hmap dataset mak
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("data", type=Path, metavar="DIR", help="the data set")
+    parser.add_argument("data", type=Path, nargs="+", metavar="DIR", help="the data sets")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="the weights (.safetensors)")
     parser.add_argument("--config", type=Path, metavar="TOML", help="settings (those of the shipped weights)")
     parser.add_argument("--without", nargs="+", metavar="FAMILY", help="families that are left out")
@@ -36,7 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.resume:
         checkpoint.unlink(missing_ok=True)
     with ProgressLine() as line:
-        line.show("loading", str(arguments.data))
+        line.show("loading", ", ".join(map(str, arguments.data)))
         trained = train(
             arguments.data, config,
             lambda name, epoch, of, loss: line.show(f"training {name}", f"epoch {epoch} of {of}, loss {loss:.4f}"),

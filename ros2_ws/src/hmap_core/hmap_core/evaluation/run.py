@@ -31,7 +31,7 @@ def warm_up(trial: Trial) -> None:
         trial: whose task is planned, or that for its warm-up if it has one.
     """
     seed, limit, options = WARM_UP_SEED + trial.seed, trial.time_limit, _options(trial)
-    if options:
+    if trial.planner != DEFAULT_PLANNER:
         limit = min(limit, WARM_UP_LIMIT)
     with contextlib.suppress(Exception):  # failures of the warm-up do not matter
         planner.plan(load_scene(trial.warm_up or trial.task, seed), seed=seed, time_limit=limit, **options)
@@ -40,8 +40,9 @@ def warm_up(trial: Trial) -> None:
 
 
 def _options(trial: Trial) -> dict[str, Any]:
-    """The method as an option of :func:`hmap_core.planner.plan`; none for the default one."""
-    return {} if trial.planner == DEFAULT_PLANNER else {"planner": trial.planner}
+    """The method and its proposer as options of :func:`hmap_core.planner.plan`; none for the defaults."""
+    method = {} if trial.planner == DEFAULT_PLANNER else {"planner": trial.planner}
+    return method | ({"proposer": trial.proposer} if trial.proposer else {})
 
 
 def run_trial(trial: Trial) -> TrialResult:

@@ -29,6 +29,7 @@ class Trial:
         perturbation: how far the world is off that executes the plan; empty: not at all.
         sample: seed of the perturbation.
         planner: the method, a name of ``hmap plugins``.
+        proposer: proposes contacts before they are sampled, as ``hmap plan --proposer``; empty: they are only sampled.
     """
 
     task: str
@@ -40,6 +41,7 @@ class Trial:
     perturbation: str = ""
     sample: int = 0
     planner: str = DEFAULT_PLANNER
+    proposer: str = ""
 
     @property
     def name(self) -> str:

@@ -18,10 +18,10 @@ def main() -> int:
     from hmap_core.evaluation.run import run_trial, warm_up  # after the redirection: some libraries print on import
     from hmap_core.evaluation.trial import Trial
 
-    warm: set[tuple[str, str]] = set()
+    warm: set[tuple[str, str, str]] = set()
     for line in sys.stdin:
         trial = Trial(**json.loads(line))
-        begun = trial.warm_up or trial.task, trial.planner
+        begun = trial.warm_up or trial.task, trial.planner, trial.proposer
         if begun not in warm:
             warm_up(trial)
             warm.add(begun)

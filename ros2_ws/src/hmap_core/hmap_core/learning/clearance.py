@@ -71,28 +71,63 @@ def _box(shape: Shape) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 @njit(**OPTIONS)
+def _distance(x, y, z, R, p, half, limit):
+    """Distance of one point from the nearest of S boxes, at most ``limit``; negative inside."""
+    best = limit
+    for s in range(p.shape[0]):
+        dx, dy, dz = x - p[s, 0], y - p[s, 1], z - p[s, 2]
+        a = abs(R[s, 0, 0] * dx + R[s, 1, 0] * dy + R[s, 2, 0] * dz) - half[s, 0]
+        if a >= best:
+            continue
+        b = abs(R[s, 0, 1] * dx + R[s, 1, 1] * dy + R[s, 2, 1] * dz) - half[s, 1]
+        if b >= best:
+            continue
+        c = abs(R[s, 0, 2] * dx + R[s, 1, 2] * dy + R[s, 2, 2] * dz) - half[s, 2]
+        if c >= best:
+            continue
+        inside = max(a, b, c)
+        if inside <= 0.0:
+            best = min(best, inside)
+        else:
+            a, b, c = max(a, 0.0), max(b, 0.0), max(c, 0.0)
+            best = min(best, np.sqrt(a * a + b * b + c * c))
+    return best
+
+
+@njit(**OPTIONS)
 def box_distances(points, R, p, half, limit):
     """Distance (N,) of points (N, 3) from the nearest of S boxes, at most ``limit``; negative inside."""
-    N, S = points.shape[0], p.shape[0]
-    out = np.empty(N)
-    for n in range(N):
-        best = limit
-        for s in range(S):
-            x, y, z = points[n, 0] - p[s, 0], points[n, 1] - p[s, 1], points[n, 2] - p[s, 2]
-            a = abs(R[s, 0, 0] * x + R[s, 1, 0] * y + R[s, 2, 0] * z) - half[s, 0]
-            if a >= best:
-                continue
-            b = abs(R[s, 0, 1] * x + R[s, 1, 1] * y + R[s, 2, 1] * z) - half[s, 1]
-            if b >= best:
-                continue
-            c = abs(R[s, 0, 2] * x + R[s, 1, 2] * y + R[s, 2, 2] * z) - half[s, 2]
-            if c >= best:
-                continue
-            inside = max(a, b, c)
-            if inside <= 0.0:
-                best = min(best, inside)
-            else:
-                a, b, c = max(a, 0.0), max(b, 0.0), max(c, 0.0)
-                best = min(best, np.sqrt(a * a + b * b + c * c))
-        out[n] = best
+    out = np.empty(points.shape[0])
+    for n in range(points.shape[0]):
+        out[n] = _distance(points[n, 0], points[n, 1], points[n, 2], R, p, half, limit)
+    return out
+
+
+@njit(**OPTIONS)
+def probe_distances(frames, origins, probes, ways, R_stops, p_stops, back, R, p, half, limit):
+    """Distances (K, T, Q) of the probes of K hands from the nearest of S boxes, at T stops of the object.
+
+    Args:
+        frames, origins: (K, 3, 3), (K, 3) of the hands, object frame.
+        probes: (K, Q, 3) points of each hand, in its own frame.
+        ways: (K, 3) from which each hand comes, object frame.
+        R_stops, p_stops: (T, 3, 3), (T, 3) poses of the object.
+        back: (T,) share of its way by which a hand is drawn back at a stop.
+        R, p, half: the boxes.
+        limit: largest distance.
+    """
+    K, Q, T = probes.shape[0], probes.shape[1], p_stops.shape[0]
+    out = np.full((K, T, Q), limit)
+    for k in range(K):
+        F, o, n = frames[k], origins[k], probes[k]
+        for q in range(Q):
+            u0 = o[0] + F[0, 0] * n[q, 0] + F[0, 1] * n[q, 1] + F[0, 2] * n[q, 2]
+            v0 = o[1] + F[1, 0] * n[q, 0] + F[1, 1] * n[q, 1] + F[1, 2] * n[q, 2]
+            w0 = o[2] + F[2, 0] * n[q, 0] + F[2, 1] * n[q, 1] + F[2, 2] * n[q, 2]
+            for t in range(T):
+                u, v, w = u0 - back[t] * ways[k, 0], v0 - back[t] * ways[k, 1], w0 - back[t] * ways[k, 2]
+                x = p_stops[t, 0] + R_stops[t, 0, 0] * u + R_stops[t, 0, 1] * v + R_stops[t, 0, 2] * w
+                y = p_stops[t, 1] + R_stops[t, 1, 0] * u + R_stops[t, 1, 1] * v + R_stops[t, 1, 2] * w
+                z = p_stops[t, 2] + R_stops[t, 2, 0] * u + R_stops[t, 2, 1] * v + R_stops[t, 2, 2] * w
+                out[k, t, q] = _distance(x, y, z, R, p, half, limit)
     return out

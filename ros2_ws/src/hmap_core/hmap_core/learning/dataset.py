@@ -32,18 +32,21 @@ class Recipe:
         seed: of all of them.
         families: they take turns.
         version: of the schema.
+        relaxed: bodies that may be removed are left out, and so are scenes without such bodies.
     """
 
     scenes: int
     seed: int = 0
     families: tuple[str, ...] = FAMILIES
     version: int = schema.VERSION
+    relaxed: bool = False
 
     @property
     def command(self) -> str:
         """The command that makes the data set."""
         chosen = "" if self.families == FAMILIES else " --families " + " ".join(self.families)
-        return f"hmap dataset make --out DIR --scenes {self.scenes} --seed {self.seed}{chosen}"
+        relaxed = " --relaxed" if self.relaxed else ""
+        return f"hmap dataset make --out DIR --scenes {self.scenes} --seed {self.seed}{chosen}{relaxed}"
 
 
 def make(
@@ -96,6 +99,8 @@ def _prepare(folder: Path, recipe: Recipe, resume: bool) -> None:
             old = json.loads(path.read_text(encoding="utf-8"))
         except ValueError as error:
             raise InputError(f"{path} is no JSON: {error}") from error
+        if isinstance(old, dict):
+            old = {"relaxed": False} | old  # recipes of before had no such choice
         if old != json.loads(json.dumps(asdict(recipe))):
             raise InputError(f"{folder} has another data set, of {old}; it goes on with the same options only")
         for left in folder.glob("chunks/*.part"):
@@ -107,7 +112,7 @@ def _prepare(folder: Path, recipe: Recipe, resume: bool) -> None:
 def make_chunk(chunks: Path, recipe: Recipe, k: int) -> int:
     """Make the scenes of a chunk, and write their rows; the number of contacts."""
     numbers = range(k * CHUNK, min((k + 1) * CHUNK, recipe.scenes))
-    made = [scene_rows(number, recipe.seed, recipe.families) for number in numbers]
+    made = [scene_rows(number, recipe.seed, recipe.families, recipe.relaxed) for number in numbers]
     for split in schema.SPLITS:
         own = [rows for rows in made if rows.split == split]
         for kind, rows in (("contacts", _all(own, "contacts")), ("queries", _all(own, "queries"))):

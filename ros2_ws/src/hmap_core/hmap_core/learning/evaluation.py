@@ -1,14 +1,14 @@
 """How good a model is at ordering contacts: on the scenes of a split, or on a family that it was not trained on."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
 from hmap_core.exceptions import InputError
 from hmap_core.learning.baselines import BASELINES, Scorer
-from hmap_core.learning.examples import Contacts, load_contacts, load_holds
+from hmap_core.learning.examples import Contacts, joined, load_contacts, load_holds
 from hmap_core.learning.metrics import average_precision, calibration_error, first_hits, intervals
 from hmap_core.learning.network import ContactModel
 
@@ -123,13 +123,6 @@ def leave_one_out(
         scorers = {LEARNED: model_scorer(model)} | {name: make(rest, seed) for name, make in BASELINES.items()}
         found += compared(test, family, scorers)
     return found
-
-
-def joined(parts: Sequence[Contacts]) -> Contacts:
-    """Contacts of several splits as one."""
-    first = parts[0]
-    names = first.__dataclass_fields__
-    return replace(first, **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
 
 def hold_precision(folder: Path, model: ContactModel, split: str) -> dict[str, float]:

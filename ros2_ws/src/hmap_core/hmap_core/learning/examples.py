@@ -1,7 +1,9 @@
 """What the model is trained on and measured by: features and targets of contacts and of manipulators."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import pyarrow.compute as pc
@@ -13,6 +15,7 @@ from hmap_core.learning.situation import FIRST_PLACE
 from hmap_core.learning.tables import columns, read, shards
 
 UNKNOWN = -1
+NEXT_FOLDER = 1 << 48  # added to numbers of queries and places, so that those of several data sets differ
 CONTACT_COLUMNS = (
     "scene", "query", "family", "rank", "score", "kind", "with_tool", "on_tool", "poses", "bound", "stage", "features",
     "T_obj_ee",
@@ -82,6 +85,30 @@ class Holds:
 
     def __getitem__(self, keep: np.ndarray) -> "Holds":
         return Holds(*(getattr(self, name)[keep] for name in self.__dataclass_fields__))
+
+
+Rows = TypeVar("Rows", Contacts, Holds)
+
+
+def joined(parts: Sequence[Rows]) -> Rows:
+    """Contacts, or manipulators, of several splits or data sets as one."""
+    first = parts[0]
+    names = [field.name for field in fields(first)]
+    return (
+        first
+        if len(parts) == 1
+        else replace(first, **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+    )
+
+
+def load_all(folders: Sequence[Path], split: str, families: tuple[str, ...] | None = None) -> tuple[Contacts, Holds]:
+    """The contacts and manipulators of a split of several data sets; raises as :func:`load_contacts`."""
+    contacts, holds = [], []
+    for number, folder in enumerate(folders):
+        own, held = load_contacts(folder, split, families), load_holds(folder, split, families)
+        contacts.append(replace(own, query=own.query + number * NEXT_FOLDER))
+        holds.append(replace(held, place=held.place + number * NEXT_FOLDER))
+    return joined(contacts), joined(holds)
 
 
 def load_contacts(folder: Path, split: str, families: tuple[str, ...] | None = None) -> Contacts:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hmap_core.learning.clearance import probe_distances
 from hmap_core.learning.situation import PLACES, PathSituation, tool_points
 from hmap_core.transforms import rotation_matrices
 from hmap_core.types import ContactKind, ContactPoint
@@ -11,6 +12,7 @@ from hmap_core.types import ContactKind, ContactPoint
 LIMIT = 0.12  # m: distances beyond it do not matter
 SCALE = 10.0  # per m, of lengths
 KINDS = (ContactKind.TOUCH, ContactKind.GRASP, ContactKind.PUSH, ContactKind.PRESS)
+NUMBERS = {kind: number for number, kind in enumerate(KINDS)}
 # points of a hand, end-effector frame: between the tips, the sides of the palm, the palm, the wrist; m
 HAND = np.array(
     [
@@ -41,37 +43,47 @@ NAMES = (
 
 def contact_features(situation: PathSituation, contacts: Sequence[ContactPoint]) -> np.ndarray:
     """Features (K, WIDTH) of K contacts, float32."""
-    K = len(contacts)
-    if not K:
+    if not contacts:
         return np.zeros((0, WIDTH), np.float32)
-    frames = np.array([contact.T_obj_ee for contact in contacts])
-    R = rotation_matrices(frames)
-    own = _own(situation, contacts, frames[:, :3], R)
-    common = np.broadcast_to(situation.common, (K, COMMON))
-    from_object = _from_object(situation, frames[:, :3], R)
-    around = _clearances(situation, contacts, frames[:, :3], R)
-    return np.concatenate([common, own, from_object, around], axis=1, dtype=np.float32)
+    given = _Given(contacts)
+    found = np.empty((len(contacts), WIDTH), np.float32)
+    found[:, :COMMON] = situation.common
+    found[:, COMMON : COMMON + OWN] = _own(situation, given)
+    probes = _probes(situation, given)
+    found[:, COMMON + OWN : COMMON + OWN + len(HAND)] = _from_object(situation, given, probes)
+    found[:, COMMON + OWN + len(HAND) :] = _clearances(situation, given, probes)
+    return found
 
 
-def _own(situation: PathSituation, contacts: Sequence[ContactPoint], p: np.ndarray, R: np.ndarray) -> np.ndarray:
+class _Given:
+    """K contacts as arrays: frames, points, normals and approaches of the hands, openings, kinds."""
+
+    def __init__(self, contacts: Sequence[ContactPoint]):
+        frames = np.array([contact.T_obj_ee for contact in contacts])
+        self.origin, self.R = np.ascontiguousarray(frames[:, :3]), np.ascontiguousarray(rotation_matrices(frames))
+        self.point = np.array([contact.point for contact in contacts])
+        self.normal = np.array([contact.normal for contact in contacts])
+        self.approach = np.array([contact.approach for contact in contacts])
+        self.opening = np.array([contact.opening for contact in contacts])
+        self.kind = np.array([NUMBERS[contact.kind] for contact in contacts])
+
+
+def _own(situation: PathSituation, given: _Given) -> np.ndarray:
     """Numbers (K, OWN) of the contacts themselves."""
-    K = len(contacts)
     to_axes = situation.axes @ situation.R_places[0]
-    hand = to_axes @ R
-    approach = np.einsum("kij,kj->ki", hand, np.array([c.approach for c in contacts]))
-    normal_own = np.array([c.normal for c in contacts])
-    normal = normal_own @ to_axes.T
-    point = (np.array([c.point for c in contacts]) - situation.centre) @ to_axes.T
+    hand = to_axes @ given.R
+    approach = (hand @ given.approach[:, :, None])[:, :, 0]
+    normal = given.normal @ to_axes.T
+    point = (given.point - situation.centre) @ to_axes.T
     low, high = situation.extents
     step = situation.steps[0]
     length = max(float(np.linalg.norm(step)), 1e-9)
     way = step / length
-    kind = np.array([KINDS.index(c.kind) for c in contacts])
-    pushed = np.where(kind == KINDS.index(ContactKind.PUSH), situation.pushed_share(normal_own), 1.0)
-    moved = situation.poses[situation.places, :3][:, None] + np.einsum("tij,kj->tki", situation.R_places, p)
+    pushed = np.where(given.kind == NUMBERS[ContactKind.PUSH], situation.pushed_share(given.normal), 1.0)
+    moved = given.origin @ situation.R_places.swapaxes(1, 2) + situation.poses[situation.places, None, :3]
     stretch = np.linalg.norm(moved - situation.shoulder, axis=2).T / situation.span
     above = (moved[0, :, 2] - situation.poses[0, 2]) - low[2]
-    height = (np.array([c.point for c in contacts]) @ to_axes[2] - low[2]) / max(high[2] - low[2], 1e-6)
+    height = (given.point @ to_axes[2] - low[2]) / max(high[2] - low[2], 1e-6)
     across = point[:, 0] * way[1] - point[:, 1] * way[0]
     return np.column_stack(
         [
@@ -87,33 +99,41 @@ def _own(situation: PathSituation, contacts: Sequence[ContactPoint], p: np.ndarr
             stretch,
             SCALE * above,
             height,
-            SCALE * np.array([c.opening for c in contacts]),
-            np.eye(len(KINDS))[kind],
+            SCALE * given.opening,
+            np.eye(len(KINDS))[given.kind],
         ]
-    ).reshape(K, OWN)
-
-
-def _from_object(situation: PathSituation, p: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """Distances (K, len(HAND)) of the points of the hand from the object itself, scaled."""
-    at = p[:, None] + np.einsum("kij,qj->kqi", R, HAND)
-    return SCALE * situation.own_boxes.distances(at.reshape(-1, 3), LIMIT).reshape(len(p), -1)
-
-
-def _clearances(situation: PathSituation, contacts: Sequence[ContactPoint], p: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """Distances (K, STOPS * PROBES) of the points of hand and tool from what stands around, scaled."""
-    K = len(contacts)
-    side = 0.5 * np.array([c.opening for c in contacts]) + 0.012
-    fingers = np.zeros((K, FINGERS, 3))
-    fingers[:, 0, 1], fingers[:, 1, 1] = side, -side
-    tool = np.zeros((TOOL, 3)) if situation.attached is None else tool_points(situation.attached)
-    own = np.concatenate(
-        [np.broadcast_to(HAND, (K, *HAND.shape)), fingers, np.broadcast_to(tool, (K, TOOL, 3))], axis=1
     )
-    at = p[:, None] + np.einsum("kij,kqj->kqi", R, own)
-    ways = BACK * np.einsum("kij,kj->ki", R, np.array([c.approach for c in contacts]))
-    index = (0, *range(PLACES))
-    points = np.empty((K, STOPS, PROBES, 3))
-    for stop, place in enumerate(index):
-        local = at - ways[:, None] if stop == 0 else at
-        points[:, stop] = local @ situation.R_places[place].T + situation.poses[situation.places[place], :3]
-    return SCALE * situation.boxes.distances(points.reshape(-1, 3), LIMIT).reshape(K, -1)
+
+
+def _probes(situation: PathSituation, given: _Given) -> np.ndarray:
+    """Points (K, PROBES, 3) of hand, fingers and tool, end-effector frame."""
+    probes = np.zeros((len(given.kind), PROBES, 3))
+    probes[:, : len(HAND)] = HAND
+    side = 0.5 * given.opening + 0.012
+    probes[:, len(HAND), 1], probes[:, len(HAND) + 1, 1] = side, -side
+    if situation.attached is not None:
+        probes[:, -TOOL:] = tool_points(situation.attached)
+    return probes
+
+
+def _from_object(situation: PathSituation, given: _Given, probes: np.ndarray) -> np.ndarray:
+    """Distances (K, len(HAND)) of the points of the hand from the object itself, scaled."""
+    boxes = situation.own_boxes
+    found = probe_distances(
+        given.R, given.origin, probes[:, : len(HAND)], given.approach, np.eye(3)[None], np.zeros((1, 3)), np.zeros(1),
+        boxes.R, boxes.p, boxes.half, LIMIT,
+    )  # fmt: skip
+    return SCALE * found[:, 0]
+
+
+def _clearances(situation: PathSituation, given: _Given, probes: np.ndarray) -> np.ndarray:
+    """Distances (K, STOPS * PROBES) of the points of hand and tool from what stands around, scaled."""
+    ways = (given.R @ given.approach[:, :, None])[:, :, 0]
+    stops = np.array([0, *range(PLACES)])
+    back = np.array([BACK, *np.zeros(PLACES)])
+    at, boxes = np.ascontiguousarray(situation.poses[situation.places[stops], :3]), situation.boxes
+    found = probe_distances(
+        given.R, given.origin, probes, ways, situation.R_places[stops], at, back,
+        boxes.R, boxes.p, boxes.half, LIMIT,
+    )  # fmt: skip
+    return SCALE * found.reshape(len(probes), -1)

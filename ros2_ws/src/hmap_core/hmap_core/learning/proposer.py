@@ -20,7 +20,7 @@ from hmap_core.planner.sampled_contacts import SampledContacts
 from hmap_core.planner.tools import attach_tool
 from hmap_core.types import Robot, Scene, SceneState, TaskMode
 
-CHECKS = 96  # contacts that are proposed at least: checking them costs less than generating them
+CHECKS = 32  # contacts that are proposed at least: of them, the one that serves farthest is used
 SURE = 1.0  # what is expected of a robot or a task about which nothing was learned
 
 
@@ -43,7 +43,8 @@ class LearnedContacts:
     def __init__(self, weights: str = ""):
         self._model: ContactModel = load_model(Path(weights).absolute() if weights else SHIPPED)
         self._candidates = SampledContacts()
-        self._boxes: tuple[tuple, Boxes] | None = None
+        self._boxes: tuple[tuple, tuple, Boxes] | None = None
+        self._hands: tuple[tuple, np.ndarray, np.ndarray] | None = None  # tools and robots are ordered by one answer
 
     def propose(self, query: ContactQuery) -> Iterator[ContactProposals]:
         """Yield one batch of contacts of a held tool, the best first.
@@ -57,7 +58,9 @@ class LearnedContacts:
         contacts = [c for batch in islice(self._candidates.propose(query), 1) for c in batch.contacts]
         if not contacts:
             return
-        situation = PathSituation.of(query.scene, query.state, query.object, query.object_poses, query.robot)
+        scene, boxes = query.scene, self._around(query.scene, query.state, (query.object, query.tool.name))
+        body, placed = scene.bodies[query.object], scene.robots[query.robot]
+        situation = PathSituation.among(scene, body, placed, query.object_poses, boxes)
         p, share = self._model.feasible(contact_features(situation, contacts))
         best = np.argsort(-p * (0.2 + share), kind="stable")[: max(self._model.checks or 0, CHECKS)]
         yield ContactProposals(tuple(contacts[k] for k in best), tuple(p[best].tolist()))
@@ -68,10 +71,14 @@ class LearnedContacts:
         """As :meth:`hmap_core.planner.protocols.ManipulatorRanker.hand_serves`."""
         if not all(self._knows(scene, robot) for robot in robots) or not len(robots):
             return np.full(len(robots), SURE)
-        boxes = self._around(scene, state, (object,))
-        placed = [bare(scene.robots[robot]) for robot in robots]
-        rows = [hold_features(PathSituation.among(scene, scene.bodies[object], r, object_poses, boxes)) for r in placed]
-        return self._model.serves(np.array(rows))[0]
+        boxes, names = self._around(scene, state, (object,)), sorted(robots)
+        placed = [bare(scene.robots[name]) for name in names]
+        body = scene.bodies[object]
+        asked = (boxes, body, *placed)
+        if self._hands is None or not _same(self._hands[0], asked) or not np.array_equal(self._hands[1], object_poses):
+            rows = [hold_features(PathSituation.among(scene, body, r, object_poses, boxes)) for r in placed]
+            self._hands = asked, object_poses, self._model.serves(np.array(rows))[0]
+        return self._hands[2][[names.index(robot) for robot in robots]]
 
     def hold_serves(
         self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, holds: Sequence[ToolGrasp]
@@ -89,10 +96,10 @@ class LearnedContacts:
     def _around(self, scene: Scene, state: SceneState, without: tuple[str, ...]) -> Boxes:
         """The boxes of all bodies but some; the last answer is kept, since holds on one tool share it."""
         others = [(body, state.poses[name]) for name, body in scene.bodies.items() if name not in without]
-        key = (*((id(body), T.tobytes()) for body, T in others),)
-        if self._boxes is None or self._boxes[0] != key:
-            self._boxes = key, Boxes.around(others)
-        return self._boxes[1]
+        bodies, poses = tuple(body for body, _ in others), tuple(T.tobytes() for _, T in others)
+        if self._boxes is None or not _same(self._boxes[0], bodies) or self._boxes[1] != poses:
+            self._boxes = bodies, poses, Boxes.around(others)
+        return self._boxes[2]
 
     def _knows(self, scene: Scene, robot: str) -> bool:
         """Whether the model was trained for such a task and robot; a warning says so where it was not."""
@@ -108,6 +115,11 @@ class LearnedContacts:
             )
             return False
         return True
+
+
+def _same(some: tuple, others: tuple) -> bool:
+    """Whether two tuples have the same objects; those that are kept cannot be taken for new ones."""
+    return len(some) == len(others) and all(a is b for a, b in zip(some, others, strict=True))
 
 
 def bare(robot: Robot) -> Robot:

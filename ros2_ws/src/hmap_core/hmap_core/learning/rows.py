@@ -16,6 +16,7 @@ from hmap_core.learning.motions import label_motion
 from hmap_core.learning.scene_queries import SceneQuery, scene_queries
 from hmap_core.learning.situation import PathSituation
 from hmap_core.planner.contact_checker import cleared
+from hmap_core.planner.obstruction import without
 from hmap_core.planner.protocols import ContactQuery
 from hmap_core.planner.sampled_contacts import SampledContacts, sampled_surface
 from hmap_core.types import ContactPoint
@@ -52,8 +53,15 @@ def rounded(values: np.ndarray) -> np.ndarray:
     return bits.view(np.float32)
 
 
-def scene_rows(number: int, seed: int, families: tuple[str, ...]) -> SceneRows:
-    """All rows of the scene with a number in the data set of a seed."""
+def scene_rows(number: int, seed: int, families: tuple[str, ...], leave_out: bool = False) -> SceneRows:
+    """All rows of the scene with a number in the data set of a seed.
+
+    Args:
+        number: of the scene.
+        seed: of the data set.
+        families: they take turns.
+        leave_out: whether what may be removed is left out; a scene without such bodies has no rows then.
+    """
     family, own = family_of(number, families), seed + number // len(families)
     split = split_of(family, own)
     about: dict[str, Any] = {"scene": number, "family": family, "seed": own, "split": split, "contacts": 0}
@@ -61,6 +69,10 @@ def scene_rows(number: int, seed: int, families: tuple[str, ...]) -> SceneRows:
     if made is None:
         return SceneRows(split, about | {"status": "no scene", "task": ""})
     scene, text = made
+    if leave_out and not scene.removable:
+        return SceneRows(split, about | {"status": "nothing to remove", "task": text})
+    if leave_out:
+        scene, text = without(scene, set(scene.removable)), "# without what may be removed\n" + text
     rng = np.random.default_rng((seed, number))
     rows = SceneRows(split, about | {"status": "no path", "task": text})
     planned = 0

@@ -1,7 +1,7 @@
 """The contact queries of a scene, as Algorithm 3 meets them: hands and held tools, at several poses of a path."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -75,11 +75,3 @@ def scene_queries(scene: Scene, rng: np.random.Generator) -> Iterator[SceneQuery
                     grasp = ToolGrasp(tool, holds[k], state.poses[tool])
                     held = ContactQuery(attach_tool(scene, grasp), state, object, ahead, robot, rng)
                     yield SceneQuery(held, start, grasp)
-
-
-def relaxed(query: ContactQuery) -> ContactQuery:
-    """The query without what may be removed: the relaxed problem."""
-    if not query.scene.removable:
-        return query
-    gone = set(query.scene.removable) - {query.object}
-    return replace(query, scene=without(query.scene, gone))

@@ -113,6 +113,6 @@ DESCRIPTIONS = {
     "best_reach": "largest `reach` of them",
     "seed": "of the scene's family",
     "split": "train, validation or test",
-    "status": "`made`, `no scene` (what was drawn was invalid) or `no path` (the object has none)",
+    "status": "`made`, `no scene` (drawn in vain), `no path` (the object has none) or `nothing to remove` (relaxed)",
     "task": "the task file of the scene",
 }

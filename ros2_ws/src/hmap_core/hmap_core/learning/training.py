@@ -13,7 +13,7 @@ from torch import nn
 
 from hmap_core.exceptions import InputError
 from hmap_core.learning import weights
-from hmap_core.learning.examples import Contacts, Holds, family_weights, load_contacts, load_holds
+from hmap_core.learning.examples import Contacts, Holds, family_weights, load_all
 from hmap_core.learning.families import ARMS, FAMILIES
 from hmap_core.learning.metrics import conformal_checks, first_hits, platt
 from hmap_core.learning.network import CLIP, CONTACT, HOLD, ContactModel, Network, model_of, sigmoid
@@ -29,13 +29,14 @@ class TrainingConfig:
 
     seed: int = 0
     hidden: tuple[int, ...] = (96, 64)
-    hold_hidden: tuple[int, ...] = (64, 32)
-    epochs: int = 8
-    hold_epochs: int = 40
+    hold_hidden: tuple[int, ...] = (128, 64)
+    epochs: int = 20
+    hold_epochs: int = 80
     batch: int = 2048
     hold_batch: int = 128
     rate: float = 0.002
-    decay: float = 0.05
+    decay: float = 0.3
+    hold_decay: float = 1.5
     without: tuple[str, ...] = ()
 
     @staticmethod
@@ -86,7 +87,7 @@ def _value(path: Path, key: str, value: Any, like: Any) -> Any:
             return tuple(value)
         raise InputError(f"{path}: {key} is {value!r}; a list of {'names' if element is str else 'widths'} is needed")
     number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    least = 0 if key in ("seed", "decay") else 1 if isinstance(like, int) else 1e-9
+    least = 0 if key in ("seed", "decay", "hold_decay") else 1 if isinstance(like, int) else 1e-9
     if not number or value < least or (isinstance(like, int) and not isinstance(value, int)):
         raise InputError(f"{path}: {key} is {value!r}; a number of at least {least:g} is needed")
     return type(like)(value)
@@ -106,7 +107,7 @@ class Trained:
 
 
 def train(
-    folder: Path,
+    folders: Sequence[Path],
     config: TrainingConfig,
     on_epoch: OnEpoch | None = None,
     checkpoint: Path | None = None,
@@ -115,7 +116,7 @@ def train(
     """Train both networks on the split "train", and calibrate them on the split "validation".
 
     Args:
-        folder: of the data set.
+        folders: of the data sets.
         config: how.
         on_epoch: called after every epoch.
         checkpoint: written after every epoch, and gone on from if it exists.
@@ -124,24 +125,24 @@ def train(
     torch.manual_seed(config.seed)
     torch.use_deterministic_algorithms(True)
     torch.set_num_threads(1)  # the networks are so small that threads only wait for each other
-    contacts, holds = load_contacts(folder, "train", config.families), load_holds(folder, "train", config.families)
+    contacts, holds = load_all(folders, "train", config.families)
     ends = time.monotonic() + time_limit
     state = _Checkpoint(checkpoint, config)
     report = on_epoch or (lambda *a: None)
     own = _fit(
         CONTACT, contacts.features, _contact_loss(contacts), family_weights(contacts.family), config.hidden, 3,
-        config.epochs, config.batch, config, state, report, ends,
+        config.epochs, config.batch, config.decay, config, state, report, ends,
     )  # fmt: skip
     held = _fit(
         HOLD, holds.features, _hold_loss(holds), family_weights(holds.family), config.hold_hidden, 2,
-        config.hold_epochs, config.hold_batch, config, state, report, ends + 0.3 * min(time_limit, 1e6),
+        config.hold_epochs, config.hold_batch, config.hold_decay, config, state, report,
+        ends + 0.3 * min(time_limit, 1e6),
     )  # fmt: skip
     tensors = own | held
     about: dict[str, Any] = {"config": asdict(config), "robots": sorted(set(ARMS))}
     about |= calibrate(
-        Network.of(tensors, CONTACT), Network.of(tensors, HOLD), load_contacts(folder, "validation", config.families),
-        load_holds(folder, "validation", config.families),
-    )  # fmt: skip
+        Network.of(tensors, CONTACT), Network.of(tensors, HOLD), *load_all(folders, "validation", config.families)
+    )
     state.remove()
     return Trained(model_of(tensors, about), tensors, about)
 
@@ -183,7 +184,8 @@ def _hold_loss(holds: Holds) -> tuple[np.ndarray, Callable]:
 
 def _fit(
     name: str, rows: np.ndarray, target: tuple[np.ndarray, Callable], weight: np.ndarray, hidden: tuple[int, ...],
-    outputs: int, epochs: int, batch: int, config: TrainingConfig, state: "_Checkpoint", report: OnEpoch, ends: float,
+    outputs: int, epochs: int, batch: int, decay: float, config: TrainingConfig, state: "_Checkpoint",
+    report: OnEpoch, ends: float,
 ) -> dict[str, np.ndarray]:  # fmt: skip
     """Train one network; its tensors."""
     if not len(rows):
@@ -197,7 +199,7 @@ def _fit(
     for a, b in zip(widths, widths[1:], strict=False):
         layers += [nn.Linear(a, b), nn.ReLU()]
     net = nn.Sequential(*layers[:-1])
-    optimiser = torch.optim.AdamW(net.parameters(), config.rate, weight_decay=config.decay)
+    optimiser = torch.optim.AdamW(net.parameters(), config.rate, weight_decay=decay)
     per_epoch = (len(x) + batch - 1) // batch
     cycle = torch.optim.lr_scheduler.OneCycleLR(optimiser, config.rate, total_steps=epochs * per_epoch)
     begun = state.restore(name, net, optimiser, cycle)

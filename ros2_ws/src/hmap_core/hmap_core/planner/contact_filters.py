@@ -114,12 +114,13 @@ class KnownToolGrasp:
         self._finder, self._grasp = finder, known.tool_grasp
 
     def tool_grasps(
-        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, seed: int, time_limit: float
-    ) -> list[tuple[ToolGrasp, int]]:
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, seed: int, time_limit: float,
+        likely: float = 0.0,
+    ) -> list[tuple[ToolGrasp, int]]:  # fmt: skip
         """As :meth:`hmap_core.planner.tool_grasps.ToolGraspFinder.tool_grasps`."""
         known, self._grasp = self._grasp, None
         if known is None or not np.array_equal(state.poses[known.tool], known.T_place):
-            return self._finder.tool_grasps(scene, state, object, object_poses, seed, time_limit)
+            return self._finder.tool_grasps(scene, state, object, object_poses, seed, time_limit, likely)
         return [(known, len(object_poses) - 1)]
 
 
@@ -157,7 +158,8 @@ class NoToolGrasps:
     """Returns no grasps: no tool may be picked."""
 
     def tool_grasps(
-        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, seed: int, time_limit: float
-    ) -> list[tuple[ToolGrasp, int]]:
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, seed: int, time_limit: float,
+        likely: float = 0.0,
+    ) -> list[tuple[ToolGrasp, int]]:  # fmt: skip
         """None."""
         return []

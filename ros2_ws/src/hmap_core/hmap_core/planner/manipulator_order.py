@@ -2,12 +2,11 @@
 
 import numpy as np
 
+from hmap_core.planner.robot_order import UNLIKELY
 from hmap_core.planner.strategies import ATTACHED_FIRST, CONTACT_STRATEGIES, TOOL_FIRST
 from hmap_core.planner.strategies.base import Strategy
 from hmap_core.planner.tasks import WaypointTask
 from hmap_core.planner.tools import tools_of, with_tool_placed
-
-UNLIKELY = 0.2  # probability that a hand serves more than a few poses, below which tools are tried first
 
 
 def contact_strategies(task: WaypointTask) -> tuple[Strategy, ...]:

@@ -6,9 +6,9 @@ from hmap_core.exceptions import ContactError, HmapError, MotionError
 from hmap_core.planner.context import SearchContext
 from hmap_core.planner.interfaces import RobotContact, SubTrajectory, ToolGrasp
 from hmap_core.planner.protocols import SegmentQuery, ToolQuery
+from hmap_core.planner.robot_order import robot_order
 from hmap_core.planner.search_tree import Attempt
 from hmap_core.planner.solution_sequence import SolutionSequence
-from hmap_core.planner.surroundings import nearest_first
 from hmap_core.planner.tasks import WaypointTask
 from hmap_core.planner.tools import attach_tool, with_tool_placed
 from hmap_core.types import Scene, SceneState
@@ -39,7 +39,8 @@ class Manipulator:
         scene, state, object = task.context.scene, task.sequence.state, task.object
         if grasp is None:
             state = with_tool_placed(state, task.sequence.tool_grasp)
-            return Manipulator(scene, state, nearest_first(scene, object, state, tuple(scene.robots)), None)
+            robots = robot_order(task.context.components.ranker, scene, state, object, task.ahead)
+            return Manipulator(scene, state, robots, None)
         if task.sequence.tool_grasp is None:  # the robot comes from where it picks the tool
             state = state.copy()
             state.q[grasp.robot] = grasp.contact.keyframes[0]

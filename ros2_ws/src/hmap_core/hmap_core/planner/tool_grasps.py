@@ -17,7 +17,7 @@ from hmap_core.types import ContactPoint, Scene, SceneState
 TRIED = 16  # grasps on a tool for which inverse kinematics is solved
 KEPT = 8  # of them, per robot
 RANKED_FIRST = 3  # of these; the others are ranked only if the best of the first is good
-LOOKED_AT = 2  # of the best that a ranker names
+LOOKED_AT = 2  # of the best that a ranker names; one if it serves as far as expected
 CERTAIN = 0.5  # probability times share of the path, from which on no contact is generated to compare grasps
 FROM_ABOVE = float(np.cos(np.deg2rad(45.0)))  # cosine between the hand's approach and the vertical
 SHARE_OF_BEST = 0.5  # reach, as a share of the best, from which on a tool and robot count as good
@@ -39,9 +39,13 @@ class ToolGraspFinder(Protocol):
     """Finds grasps on tools."""
 
     def tool_grasps(
-        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, seed: int, time_limit: float
-    ) -> list[tuple[ToolGrasp, int]]:
-        """Return grasps on tools, the best first, each with the index of the pose to which it may serve at best."""
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, seed: int, time_limit: float,
+        likely: float = 0.0,
+    ) -> list[tuple[ToolGrasp, int]]:  # fmt: skip
+        """Return grasps on tools, the best first, each with the index of the pose to which it may serve at best.
+
+        A ranker's grasps may be left out if none is expected to serve with the probability ``likely``.
+        """
         ...
 
 
@@ -57,8 +61,9 @@ class ToolGraspSearch:
         self._proposer, self._ranker = proposer, ranker
 
     def tool_grasps(
-        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, seed: int, time_limit: float
-    ) -> list[tuple[ToolGrasp, int]]:
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, seed: int, time_limit: float,
+        likely: float = 0.0,
+    ) -> list[tuple[ToolGrasp, int]]:  # fmt: skip
         """Return grasps on tools with which the object may be moved, the farthest-reaching first.
 
         Inverse kinematics is solved only for picking the tool. Of grasps that reach equally far, the one with the most
@@ -71,6 +76,7 @@ class ToolGraspSearch:
             object_poses: (M, 7) poses of the object from the present one on, world frame.
             seed: the only source of randomness.
             time_limit: seconds of wall-clock time.
+            likely: where no grasp serves more than a few poses with this probability, by the ranker, there are none.
 
         Returns:
             Pairs of a grasp and the index of the farthest pose to which hand, tool and object may go.
@@ -104,15 +110,17 @@ class ToolGraspSearch:
 
         if self._ranker is not None:
             every = [grasp for some in grasps for grasp in some]
-            likely, expected = self._likely(scene, state, object, object_poses, every)
-            if likely and expected >= CERTAIN:
-                return [(grasp, least) for grasp in likely]
-            for grasp in likely[:LOOKED_AT]:
-                if rank([grasp]) == len(object_poses) - 1:
-                    break
+            best, expected, probability = self._best(scene, state, object, object_poses, every)
+            if probability < likely:
+                return []
+            if best and expected[0] >= CERTAIN:
+                return [(grasp, least) for grasp in best]
+            for grasp, share in zip(best[:LOOKED_AT], expected, strict=False):
+                if rank([grasp]) >= share * (len(object_poses) - 1):
+                    break  # as far as expected: the others are expected to serve less
             if ranked:
                 seen = {id(grasp) for grasp, _, _ in ranked}
-                others = [(grasp, least) for grasp in likely if id(grasp) not in seen]
+                others = [(grasp, least) for grasp in best if id(grasp) not in seen]
                 return [(grasp, bound) for grasp, bound, _ in sorted(ranked, key=_by_reach)] + others
         first = [rank(some[:RANKED_FIRST]) for some in grasps]
         good = SHARE_OF_BEST * max(first, default=0) if ranked else -1.0
@@ -123,15 +131,18 @@ class ToolGraspSearch:
             rank(some, every=True)
         return [(grasp, bound) for grasp, bound, _ in sorted(ranked, key=_by_reach)]
 
-    def _likely(
+    def _best(
         self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, grasps: list[ToolGrasp]
-    ) -> tuple[list[ToolGrasp], float]:
-        """The grasps in the order of how far the ranker expects them to serve, and what it expects of the first."""
+    ) -> tuple[list[ToolGrasp], np.ndarray, float]:
+        """The grasps in the order of the shares (G,) of the path that the ranker expects them to serve, and these.
+
+        Last, the largest probability that one serves more than a few poses.
+        """
         if self._ranker is None or not grasps:
-            return grasps, 0.0
+            return grasps, np.zeros(len(grasps)), 0.0
         p, share = self._ranker.hold_serves(scene, state, object, object_poses, grasps)
         order = np.argsort(-p * share, kind="stable")
-        return [grasps[k] for k in order], float((p * share)[order[0]])
+        return [grasps[k] for k in order], (p * share)[order], float(p.max())
 
     def holds(self, scene: Scene, state: SceneState, tool: str, robot: str, rng) -> list[RobotContact]:
         """Grasps in which a robot can pick a tool where it stands, far from each other."""

@@ -1,5 +1,6 @@
 """What Algorithm 1 tries, in its order: one strategy a file, all behind :class:`~.base.Strategy`."""
 
+from hmap_core.planner.robot_order import UNLIKELY
 from hmap_core.planner.strategies.attached_path import AttachedPathStrategy
 from hmap_core.planner.strategies.attached_tool import AttachedToolStrategy
 from hmap_core.planner.strategies.by_hand import ByHand, ByHandToTheEnd, ByHandWhereverItReaches
@@ -41,8 +42,9 @@ PATH_STRATEGIES = (
 )
 # at one waypoint, with all bodies where they are; they solve the relaxed problem, too. LAST_STRATEGIES follow.
 CONTACT_STRATEGIES = (ByHandToTheEnd(), AttachedToolStrategy(), ByHand(), NewTool(), ByHandWhereverItReaches())
-# as above, where hands are expected to serve little: with free hands, and with a tool attached
-TOOL_FIRST = (NewTool(), ByHand(), ByHandWhereverItReaches())
+# as above, where hands are expected to serve little: with free hands, tools that are expected to serve come first
+TOOL_FIRST = (NewTool(UNLIKELY), ByHand(), NewTool(), ByHandWhereverItReaches())
+# with a tool attached
 ATTACHED_FIRST = (AttachedToolStrategy(), ByHandToTheEnd(), ByHand(), NewTool(), ByHandWhereverItReaches())
 # at one waypoint, after those for contacts
 LAST_STRATEGIES = (RemoveObstacles(),)

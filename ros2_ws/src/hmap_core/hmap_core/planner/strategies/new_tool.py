@@ -24,9 +24,16 @@ GRASPS_TRIED = 6  # on tools, at one waypoint
 
 
 class NewTool:
-    """Grasps on tools, the best first: contacts of the tool, then pick it, then the motion."""
+    """Grasps on tools, the best first: contacts of the tool, then pick it, then the motion.
+
+    Args:
+        likely: probability with which the ranker has to expect that a grasp serves; else none is tried.
+    """
 
     name = "with a tool"
+
+    def __init__(self, likely: float = 0.0):
+        self._likely = likely
 
     def applies(self, task: WaypointTask) -> bool:
         """Whether there are tools."""
@@ -46,7 +53,7 @@ class NewTool:
         may_go = removable_for(context.scene, task.subgoal, sequence)
         bare = _without_loads(context, loads, may_go)
         grasps = context.components.tools.tool_grasps(
-            bare, sequence.state, task.object, task.ahead, context.seed(), context.time_left()
+            bare, sequence.state, task.object, task.ahead, context.seed(), context.time_left(), self._likely
         )
         cleared: dict[str, SolutionSequence | None] = {}
         for grasp, _ in grasps[:GRASPS_TRIED]:
