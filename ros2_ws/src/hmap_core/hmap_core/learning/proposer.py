@@ -52,13 +52,14 @@ class LearnedContacts:
         Nothing is proposed for bare hands: generating their contacts costs less than what could be saved. Nor is
         anything where the model knows nothing about the task or the robot.
         """
-        if query.tool is None or not self._knows(query.scene, query.robot):
+        tool = query.tool
+        if tool is None or not self._knows(query.scene, query.robot):
             return
         query = replace(query, cloud=sound(query.cloud))
         contacts = [c for batch in islice(self._candidates.propose(query), 1) for c in batch.contacts]
         if not contacts:
             return
-        scene, boxes = query.scene, self._around(query.scene, query.state, (query.object, query.tool.name))
+        scene, boxes = query.scene, self._around(query.scene, query.state, (query.object, tool.name))
         body, placed = scene.bodies[query.object], scene.robots[query.robot]
         situation = PathSituation.among(scene, body, placed, query.object_poses, boxes)
         p, share = self._model.feasible(contact_features(situation, contacts))

@@ -110,17 +110,17 @@ class ToolGraspSearch:
 
         if self._ranker is not None:
             every = [grasp for some in grasps for grasp in some]
-            best, expected, probability = self._best(scene, state, object, object_poses, every)
+            ordered, expected, probability = self._best(scene, state, object, object_poses, every)
             if probability < likely:
                 return []
-            if best and expected[0] >= CERTAIN:
-                return [(grasp, least) for grasp in best]
-            for grasp, share in zip(best[:LOOKED_AT], expected, strict=False):
+            if ordered and expected[0] >= CERTAIN:
+                return [(grasp, least) for grasp in ordered]
+            for grasp, share in zip(ordered[:LOOKED_AT], expected, strict=False):
                 if rank([grasp]) >= share * (len(object_poses) - 1):
                     break  # as far as expected: the others are expected to serve less
             if ranked:
                 seen = {id(grasp) for grasp, _, _ in ranked}
-                others = [(grasp, least) for grasp in best if id(grasp) not in seen]
+                others = [(grasp, least) for grasp in ordered if id(grasp) not in seen]
                 return [(grasp, bound) for grasp, bound, _ in sorted(ranked, key=_by_reach)] + others
         first = [rank(some[:RANKED_FIRST]) for some in grasps]
         good = SHARE_OF_BEST * max(first, default=0) if ranked else -1.0
