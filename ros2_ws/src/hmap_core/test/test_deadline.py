@@ -11,6 +11,8 @@ from numba.core.compiler_lock import global_compiler_lock
 
 from hmap_core import deadline, plan_file, planner
 from hmap_core.benchmark import many_parts
+from hmap_core.collision import grown
+from hmap_core.collision.scene_model import CollisionModel
 from hmap_core.exceptions import Code, MotionError, PlannerError
 from hmap_core.garbage import only_new_garbage
 from hmap_core.komo.ik import solve_ik
@@ -157,6 +159,17 @@ def test_transits_among_many_parts_keep_their_time_limit(limit):
     scene, state, ends = many_parts.attached(PARTS, PARTS, 0)
     trial = many_parts.run_transit(scene, state, ends, limit)
     assert trial.cpu < 1.1 * limit + LONGEST
+
+
+def test_a_base_of_many_pairs_is_packed_as_one_of_few(monkeypatch):
+    model = grown.BaseModel()
+    rng = np.random.default_rng(0)
+    shapes = [model.add(f"s{k}", rng.normal(size=(5, 3)), 0.01 * k, k % 3) for k in range(6)]
+    model.keep_apart(shapes[:3], shapes[3:], 0.01, 2)
+    monkeypatch.setattr(grown, "MANY_PAIRS", 4)
+    for name, packed, expected in zip(model.packed._fields, model.packed, CollisionModel.arrays(model), strict=True):
+        assert packed.dtype == expected.dtype, name
+        np.testing.assert_array_equal(packed, expected)
 
 
 def test_many_pairs_are_made_and_solved_with_looks_at_the_clock(monkeypatch):

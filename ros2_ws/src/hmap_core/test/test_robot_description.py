@@ -54,6 +54,10 @@ ERRORS = {  # what is wrong: description, and what the error says
         elbow(extra='<safety_controller soft_lower_limit="2" soft_upper_limit="3"/>'),
         "<safety_controller>: its soft limits 2 to 3 leave nothing of the limits -1.5 to 1.5",
     ),
+    "a quaternion": (
+        elbow().replace('<origin xyz="0 0 0.3"/>', '<origin xyz="0 0 0.3" quat_xyzw="1 0 0 0"/>', 1),
+        "joint 'shoulder', <origin>: has the attribute quat_xyzw, which most readers",
+    ),
     "other digits": (shaped('<sphere radius="\u0660.\u0665"/>'), "is not a number; write a number"),
     "unknown type": (elbow(kind="hinge"), "joint 'elbow': type=\"hinge\" is not known; allowed: revolute, "),
     "no parent": (elbow().replace('<parent link="upper"/>', ""), "joint 'elbow': has no <parent>"),

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from hmap_core.collision.scene_model import ALL_PHASES, LEAST_SPEED, CollisionModel, Collisions
 from hmap_core.deadline import check_time
 
+MANY_PAIRS = 50_000  # that take so long to pack
 MANY_SHAPES = 64  # whose pairs with one other take so long that the clock is looked at in between
 
 
@@ -32,7 +33,9 @@ class BaseModel(_TimedModel):
     @cached_property
     def packed(self) -> Collisions:
         """Its arrays, packed once."""
-        return super().arrays()
+        if len(self.pairs) < MANY_PAIRS:
+            return super().arrays()
+        return _extended(CollisionModel().arrays(), self, 0, 0)
 
     def arrays(self) -> Collisions:
         """As :meth:`CollisionModel.arrays`."""
@@ -55,40 +58,51 @@ class GrownModel(_TimedModel):
         """As :meth:`CollisionModel.arrays`; packed again only after shapes or pairs were added."""
         size = len(self.hulls), len(self.pairs)
         if self._packed is None or self._packed[0] != size:
-            self._packed = size, self._pack()
+            base = self._base
+            self._packed = size, _extended(base.packed, self, len(base.hulls), len(base.pairs))
         return self._packed[1]
 
-    def _pack(self) -> Collisions:
+
+def _extended(base: Collisions, model: CollisionModel, S: int, P: int) -> Collisions:
+    """The arrays of a model whose first S shapes and P pairs are packed in ``base``; looks at the clock in between."""
+    check_time()
+    vertices, radius, center, bound, edges = _columns(model.hulls[S:], 5)
+    check_time()
+    a, b, min_distance, phases = _pairs(base, model.pairs[P:])
+    points, start = np.concatenate([base.vertices, *vertices]), _ends(base.vertices, vertices)
+    low, high = (f.reduceat(points, start[:-1]) for f in (np.minimum, np.maximum))
+    swept = np.array(radius, float)[:, None]
+    speed = _longer(base.speed, model.speeds[S:])
+    check_time()
+    return Collisions(
+        points,
+        _longer(base.start, start[1:]),
+        _longer(base.radius, radius),
+        _longer(base.center, center),
+        _longer(base.bound, bound),
+        np.concatenate([base.low, low - swept]),
+        np.concatenate([base.high, high + swept]),
+        _longer(base.frame, model.frames[S:]),
+        np.concatenate([base.a, a]),
+        np.concatenate([base.b, b]),
+        np.concatenate([base.min_distance, min_distance]),
+        np.concatenate([base.phases, phases]),
+        speed,
+        np.concatenate([base.edges, *edges]),
+        _longer(base.edge, _ends(base.edges, edges)[1:]),
+        np.concatenate([base.closing, np.maximum(speed[a] + speed[b], LEAST_SPEED)]),
+    )
+
+
+def _pairs(base: Collisions, pairs: list[tuple]) -> tuple[np.ndarray, ...]:
+    """The columns (P,) of pairs, of the types that ``base`` has."""
+    types = (base.a.dtype, base.b.dtype, base.min_distance.dtype, base.phases.dtype)
+    parts = []
+    for k in range(0, max(len(pairs), 1), MANY_PAIRS):
         check_time()
-        base, S, P = self._base.packed, len(self._base.hulls), len(self._base.pairs)
-        vertices, radius, center, bound, edges = _columns(self.hulls[S:], 5)
-        check_time()
-        first, second, min_distance, phases = _columns(self.pairs[P:], 4)
-        check_time()
-        points, start = np.concatenate([base.vertices, *vertices]), _ends(base.vertices, vertices)
-        low, high = (f.reduceat(points, start[:-1]) for f in (np.minimum, np.maximum))
-        swept = np.array(radius, float)[:, None]
-        speed = _longer(base.speed, self.speeds[S:])
-        a, b = np.array(first, np.int64), np.array(second, np.int64)
-        check_time()
-        return Collisions(
-            points,
-            _longer(base.start, start[1:]),
-            _longer(base.radius, radius),
-            _longer(base.center, center),
-            _longer(base.bound, bound),
-            np.concatenate([base.low, low - swept]),
-            np.concatenate([base.high, high + swept]),
-            _longer(base.frame, self.frames[S:]),
-            np.concatenate([base.a, a]),
-            np.concatenate([base.b, b]),
-            _longer(base.min_distance, min_distance),
-            _longer(base.phases, phases),
-            speed,
-            np.concatenate([base.edges, *edges]),
-            _longer(base.edge, _ends(base.edges, edges)[1:]),
-            np.concatenate([base.closing, np.maximum(speed[a] + speed[b], LEAST_SPEED)]),
-        )
+        columns = _columns(pairs[k : k + MANY_PAIRS], 4)
+        parts.append([np.array(column, kind) for column, kind in zip(columns, types, strict=True)])
+    return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
 
 def _columns(rows: list[tuple], count: int) -> tuple[tuple, ...]:

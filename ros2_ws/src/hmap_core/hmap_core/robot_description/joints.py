@@ -11,6 +11,7 @@ from hmap_core.transforms import from_rpy
 SOFT = ("lower", -np.inf), ("upper", np.inf)  # limits of a safety controller, and what counts where they are missing
 KINDS = (*MOVING, "fixed", *ASSUMED_FIXED)
 LIMITED = ("revolute", "prismatic")
+QUATERNION = "quat_xyzw"  # of URDF 1.2, which PyBullet and most others do not read
 UNIT_TOLERANCE = 1e-3  # deviation of an axis' length from 1 that is rounding
 LARGEST_ANGLE = 2.01 * np.pi  # rad; a larger one in an origin is probably in degrees
 MOST_TURNS = 4  # of a revolute joint to either side; more are probably in degrees
@@ -24,6 +25,10 @@ def read_origin(node: Node) -> np.ndarray:
     zero = np.zeros(3)
     if origin is None:
         return from_rpy(zero, zero)
+    if origin.element.get(QUATERNION) is not None:
+        origin.error(
+            f"has the attribute {QUATERNION}, which most readers of URDF files ignore", 'give the angles: rpy=""'
+        )
     xyz, rpy = (origin.numbers(key, 3, (0.0, 0.0, 0.0)) for key in ("xyz", "rpy"))
     if rpy is not None and np.abs(rpy).max() > LARGEST_ANGLE:
         origin.warn(f'rpy="{origin.element.get("rpy")}" is more than a full turn', "angles are in radians")

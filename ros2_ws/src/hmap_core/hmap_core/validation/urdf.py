@@ -126,6 +126,8 @@ def _origin(element: Element) -> tuple[np.ndarray, np.ndarray]:
     origin = element.find("origin")
     if origin is None:
         return np.eye(3), np.zeros(3)
+    if origin.get("quat_xyzw") is not None:
+        raise ValueError("an <origin> has a quaternion; its angles are needed")
     return rigid.from_rpy(_numbers(origin.get("rpy"), (0, 0, 0))), _numbers(origin.get("xyz"), (0, 0, 0))
 
 
