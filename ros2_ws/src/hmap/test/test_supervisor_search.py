@@ -40,6 +40,7 @@ def supervisor_with(plan, alive: int = 0, dry_run: bool = False):
     """What a goal needs of the supervisor, which has planned, and the job."""
     scene = load_scene("tunnel", 0)
     node = SimpleNamespace(
+        require_active=lambda: None,
         _others=SimpleNamespace(alive=alive),
         _time_limit=10.0,
         _state_patience=1.0,

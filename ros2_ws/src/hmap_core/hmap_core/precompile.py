@@ -30,7 +30,8 @@ from hmap_core.types import Body, BodyKind, Shape, ShapeKind
 from hmap_core.waypoints import NoObjectPath, ObjectPathProblem, plan_waypoints
 
 TIME_LIMIT = 1200.0  # s for each job; compiling is slow on a busy machine
-TASKS = ("published/tunnel", "tunnel")  # one kinematic, one physical
+# one kinematic, the others physical: with a removal, and with a tool
+TASKS = ("published/tunnel", "tunnel", "bookshelf", "puck_around")
 ATTACHED = (60, 120)  # parts of a body that an arm carries, and of what it passes
 PATHS = ("tunnel", "puck_around")  # planar; one straight, one round an obstacle
 

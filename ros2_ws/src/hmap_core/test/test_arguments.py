@@ -20,7 +20,7 @@ PLANS = {
     "time_limit": [
         (float("nan"), "time_limit = nan: must be a number of seconds"),
         ("5", "time_limit = '5': must be"),
-        (None, "time_limit = None: must be"),
+        ([5.0], r"time_limit = \[5.0\]: must be"),
     ],
 }
 

@@ -15,6 +15,7 @@ from hmap_core.simulation.client import BulletClient
 from hmap_core.simulation.robots import SimulatedRobot
 from hmap_core.types import Robot
 
+MIMIC = '<mimic joint="elbow" multiplier="0.5" offset="0.1"/>'
 MESH = COLLISION.format('<mesh filename="{}" scale="{}"/>')
 
 
@@ -28,7 +29,7 @@ def test_it_says_the_same(tmp_path):
     extra = link("hand", MESH.format("box.stl", "1 -2 1") + COLLISION.format('<capsule radius="0.1" length="0.2"/>'))
     text = robot(
         extra,
-        joint("wrist", "tip", "hand", "prismatic", '<axis xyz="1 2 2"/>', extra='<mimic joint="elbow" offset="0.1"/>'),
+        joint("wrist", "tip", "hand", "prismatic", '<axis xyz="1 2 2"/>', extra=MIMIC),
     )
     first = load_robot_description(write(tmp_path, text))
     second = load_robot_description(cleaned_urdf(first))

@@ -80,7 +80,8 @@ def test_a_failure_shows_object_path_waypoint_contacts_and_reason(tmp_path, caps
     text = "\n".join(root.lines())
     for part in ("object path", "waypoint", "contacts on 'outer'", "out of the way of 'brick'"):
         assert part in text
-    code = main(["plan", scene.task, "--seed", "1", "--out", str(tmp_path / "plan.json"), "--explain"])
+    options = ["--time-limit", str(TIME_LIMIT), "--out", str(tmp_path / "plan.json"), "--explain"]
+    code = main(["plan", scene.task, "--seed", "1", *options])
     shown = capsys.readouterr()
     assert code == 1 and "contacts on 'outer'" in shown.out and "'inner'" in shown.err
 

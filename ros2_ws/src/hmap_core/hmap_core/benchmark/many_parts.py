@@ -152,7 +152,7 @@ def attached(parts: int, obstacle_parts: int, seed: int) -> tuple[Scene, SceneSt
 
 def run_transit(scene: Scene, state: SceneState, ends: list[np.ndarray], limit: float = LIMIT) -> Trial:
     """Move what is attached to an arm past the barrier, from before it."""
-    before = planner.plan_motion(scene, "arm", T_world_ee=ends[0], state=state, time_limit=LIMIT)
+    before = planner.plan_motion(scene, "arm", T_world_ee=ends[0], state=state, time_limit=max(limit, LIMIT))
     there = state.copy()
     there.q["arm"] = before.trajectory.joints["arm"][-1]
     cpu, wall = time.process_time(), time.monotonic()
