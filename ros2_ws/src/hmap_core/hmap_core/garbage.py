@@ -2,10 +2,15 @@
 
 import atexit
 import gc
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+NEVER = 2**31 - 1  # collections of the younger objects between two of all
 THRESHOLD = 50_000  # objects made, and not deleted, between two collections; Python's is 700
+
+_LOCK = threading.Lock()
+_BLOCKS: list[tuple[int, int, int]] = []  # for each block of only_new_garbage, the thresholds outside of all
 
 
 def collect_rarely() -> None:
@@ -20,18 +25,19 @@ def collect_rarely() -> None:
 
 @contextmanager
 def only_new_garbage() -> Iterator[None]:
-    """Within this block the collector runs rarely, and looks through objects that are made in it and no others.
+    """Within this block the collector runs rarely, and never through all objects: only through those made since.
 
-    A look through all that was imported takes 0.1 s, for which a time limit has no room. What was set aside by someone
-    else stays so.
+    A look through all that was imported takes 0.1 s, for which a time limit has no room.
+    Blocks may overlap, in threads.
     """
-    aside, thresholds = gc.get_freeze_count() == 0, gc.get_threshold()
-    if aside:
-        gc.freeze()
-    gc.set_threshold(max(THRESHOLD, thresholds[0]), *thresholds[1:])
+    with _LOCK:
+        young, middle, full = _BLOCKS[0] if _BLOCKS else gc.get_threshold()
+        _BLOCKS.append((young, middle, full))
+        gc.set_threshold(max(THRESHOLD, young), middle, NEVER)
     try:
         yield
     finally:
-        gc.set_threshold(*thresholds)
-        if aside:
-            gc.unfreeze()
+        with _LOCK:
+            thresholds = _BLOCKS.pop()
+            if not _BLOCKS:
+                gc.set_threshold(*thresholds)

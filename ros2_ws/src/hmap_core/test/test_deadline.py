@@ -3,6 +3,7 @@
 import gc
 import sys
 import time
+import weakref
 from functools import partial
 
 import numpy as np
@@ -120,26 +121,36 @@ def test_code_of_a_function_is_loaded_to_its_end():
         pass
 
 
+class Cycle:
+    """Only a collection deletes it."""
+
+    def __init__(self):
+        self.own = self
+
+
+def collections() -> int:
+    """How often all objects were looked through."""
+    return gc.get_stats()[2]["collections"]
+
+
 def test_garbage_that_was_there_before_is_not_looked_through():
+    thresholds, before = gc.get_threshold(), collections()
+    with only_new_garbage(), only_new_garbage():
+        last = [weakref.ref(Cycle()) for _ in range(1_500_000)][0]
+        assert gc.get_threshold()[0] >= 50_000 and collections() == before
+        assert last() is None, "what is new is looked through"
+    assert gc.get_threshold() == thresholds
+
+
+def test_blocks_that_overlap_restore_what_was_before():
     thresholds = gc.get_threshold()
-    gc.unfreeze()
-    with only_new_garbage():
-        assert gc.get_freeze_count() > 10_000
-        assert gc.get_threshold()[0] >= 50_000
-        with only_new_garbage():
-            pass
-        assert gc.get_freeze_count() > 10_000
-    assert gc.get_freeze_count() == 0 and gc.get_threshold() == thresholds
-
-
-def test_objects_that_someone_else_set_aside_stay_there():
-    gc.freeze()
-    try:
-        with only_new_garbage():
-            pass
-        assert gc.get_freeze_count() > 0
-    finally:
-        gc.unfreeze()
+    first, second = only_new_garbage(), only_new_garbage()
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    assert gc.get_threshold() != thresholds
+    second.__exit__(None, None, None)
+    assert gc.get_threshold() == thresholds
 
 
 def test_an_object_path_for_which_no_time_is_left_is_none(monkeypatch):
