@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 
 from hmap_core.exceptions import Code, PlannerError
 
@@ -16,7 +17,14 @@ RESERVE = 0.05
 MOST_RESERVE = 0.1  # s
 
 _DEADLINE: ContextVar[float] = ContextVar("deadline", default=math.inf)
-_CPU_DEADLINE: ContextVar[float] = ContextVar("cpu_deadline", default=math.inf)
+_CPU_DEADLINE: ContextVar["_CpuDeadline | None"] = ContextVar("cpu_deadline", default=None)
+
+
+@dataclass
+class _CpuDeadline:
+    """The end of the processor time of a block, ``time.process_time()``."""
+
+    at: float
 
 
 @contextmanager
@@ -32,17 +40,27 @@ def until(deadline: float) -> Iterator[None]:
 @contextmanager
 def within_cpu_time(seconds: float) -> Iterator[None]:
     """Run a block that may take some processor time of this process, however long it has to wait for the processor."""
-    token = _CPU_DEADLINE.set(min(time.process_time() + seconds, _CPU_DEADLINE.get()))
+    outer = _CPU_DEADLINE.get()
+    token = _CPU_DEADLINE.set(_CpuDeadline(min(time.process_time() + seconds, math.inf if outer is None else outer.at)))
     try:
         yield
     finally:
         _CPU_DEADLINE.reset(token)
 
 
+def give_cpu_time(seconds: float) -> None:
+    """Let the block take so much more processor time, such as what compiling took."""
+    end = _CPU_DEADLINE.get()
+    if end is not None:
+        end.at += seconds
+
+
 def cpu_time_used_up() -> bool:
     """Whether the processor time of :func:`within_cpu_time` is used up."""
     end = _CPU_DEADLINE.get()
-    return end < math.inf and time.process_time() > end  # reading it takes longer than reading the clock
+    if end is None or end.at == math.inf:  # to read the processor time takes longer than to read the clock
+        return False
+    return time.process_time() > end.at
 
 
 def deadline() -> float:

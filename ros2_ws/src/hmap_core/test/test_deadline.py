@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from numba import njit
 from numba.core.compiler_lock import global_compiler_lock
 
 from hmap_core import deadline, plan_file, planner
@@ -119,6 +120,18 @@ def test_no_code_is_loaded_that_would_be_late():
 def test_code_of_a_function_is_loaded_to_its_end():
     with global_compiler_lock, work_until(time.monotonic() - 1.0), global_compiler_lock:
         pass
+
+
+def test_compiling_is_not_counted_as_processor_time():
+    allowed = 0.1  # s
+    with work_until(time.monotonic() + 60.0), deadline.within_cpu_time(allowed):
+        began = time.process_time()
+        assert njit(lambda x: np.sort(x).sum())(np.arange(3.0)) == 3.0
+        assert time.process_time() - began > allowed and not deadline.cpu_time_used_up()
+        end = time.process_time() + 1.5 * allowed
+        while time.process_time() < end:
+            pass
+        assert deadline.cpu_time_used_up()
 
 
 class Cycle:
