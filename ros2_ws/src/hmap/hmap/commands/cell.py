@@ -10,9 +10,10 @@ from pathlib import Path
 
 from hmap.environment import prepare_process
 from hmap.launcher.cell import Cell, composed, read_cell
+from hmap.launcher.options import LOCALHOST, graph_arguments
 from hmap.launcher.ports import free_port
 from hmap.launcher.processes import Graph, output_folder
-from hmap_core.cli.main import port_number, positive
+from hmap_core.cli.main import positive
 from hmap_core.command_line import keep_for_results
 from hmap_core.compile_cache import ensure_compiled
 from hmap_core.exceptions import Code, PlannerError
@@ -22,7 +23,6 @@ RESTARTS = True  # see hmap_core.cli.main
 START_LIMIT = 120.0  # s for the planners to be up
 POLL = 0.1  # s
 LISTEN = 2.0  # s
-LOCALHOST, PAGE_PORT = "127.0.0.1", 8080
 COMPOSED = "composed_planning"  # the process with supervisor and planners
 YES, NO = 0, 1  # exit codes
 BAG = "bag"  # folder of the bag in that of the run
@@ -35,12 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--dry-run", action="store_true", help="plan and show, and never move anything")
     scaling = "of planned speeds while robots move, in (0, 1] (1, or what the cell file says)"
     parser.add_argument("--speed-scaling", type=positive, metavar="X", help=scaling)
-    text = "supervisor and planners in one process, without services between them: planning costs less, and no planner "
-    text += "is started anew"
-    parser.add_argument("--composed", action="store_true", help=text)
-    parser.add_argument("--no-viewer", action="store_true", help="do not offer the page for the browser")
-    text = f"of the page, or the next free one ({PAGE_PORT})"
-    parser.add_argument("--port", type=port_number, default=PAGE_PORT, metavar="N", help=text)
+    graph_arguments(parser)
     parser.add_argument("--check", action="store_true", help="look at everything, and end; exit code 0 if all is well")
 
 

@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from hmap.environment import prepare_process
+from hmap.launcher.options import LOCALHOST, graph_arguments
 from hmap.launcher.ports import free_port
 from hmap.launcher.processes import Graph, output_folder
 from hmap.launcher.spares import Spare, fork_spares
-from hmap_core.cli.main import natural, port_number, positive, seed_argument, zero_or_more
+from hmap_core.cli.main import natural, positive, seed_argument, zero_or_more
 from hmap_core.cli.progress import ProgressLine
 from hmap_core.command_line import keep_for_results
 from hmap_core.compile_cache import ensure_compiled
@@ -32,7 +33,6 @@ DEFAULT_TIME_LIMIT = 120.0  # s for planning
 INPUT_CODES = range(100, 200)  # of hmap_core.exceptions.Code
 YES, NO, BAD_INPUT = 0, 1, 2  # exit codes
 NODE_NAME = "hmap_up"
-LOCALHOST, PAGE_PORT = "127.0.0.1", 8080
 BAG, PLAN, PICTURE = "bag", "plan.json", "plan.png"  # files in the folder of the run
 
 
@@ -57,12 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-picture", action="store_true", help="do not draw the plan")
     count = "bodies that appear near the path while it is executed, seen by the cameras only (1)"
     parser.add_argument("--dynamic-obstacles", type=natural, nargs="?", const=1, default=0, metavar="N", help=count)
-    parser.add_argument("--no-viewer", action="store_true", help="do not offer the page for the browser")
-    text = f"of the page, or the next free one ({PAGE_PORT})"
-    parser.add_argument("--port", type=port_number, default=PAGE_PORT, metavar="N", help=text)
-    text = "supervisor and planners in one process, without services between them: planning costs less, and no planner "
-    text += "is started anew"
-    parser.add_argument("--composed", action="store_true", help=text)
+    graph_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--keep", action="store_true", help="leave the nodes running afterwards, until Ctrl-C")
 

@@ -6,8 +6,9 @@ from pathlib import Path
 
 from hmap_core.cli.check import read
 from hmap_core.cli.main import count, natural, positive, seed_argument
-from hmap_core.cli.plan import DEFAULT_CPU_LIMIT, DEFAULT_TIME_LIMIT
+from hmap_core.cli.plan import DEFAULT_TIME_LIMIT
 from hmap_core.cli.progress import ProgressLine
+from hmap_core.deadline import DEFAULT_CPU_LIMIT
 from hmap_core.evaluation.trial import DEFAULT_REPLANS, PYBULLET, is_path
 from hmap_core.exceptions import InputError
 

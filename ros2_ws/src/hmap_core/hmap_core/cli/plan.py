@@ -6,11 +6,11 @@ from pathlib import Path
 
 from hmap_core.cli.main import positive, seed_argument
 from hmap_core.cli.progress import ProgressLine
+from hmap_core.deadline import DEFAULT_CPU_LIMIT
 from hmap_core.exceptions import HmapError, InputError
 
 HELP = "plan a task, let the judge check the plan, and write it to a file"
 DEFAULT_TIME_LIMIT = 60.0  # s
-DEFAULT_CPU_LIMIT = 10.0  # s of processor time that planning has if no time limit is given
 ANIMATION_SUFFIX = ".gif"
 
 

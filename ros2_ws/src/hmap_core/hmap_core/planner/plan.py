@@ -6,7 +6,7 @@ import numpy as np
 
 from hmap_core.compile_cache import ensure_compiled
 from hmap_core.contacts.camera import Cloud
-from hmap_core.deadline import within_cpu_time
+from hmap_core.deadline import DEFAULT_CPU_LIMIT, within_cpu_time
 from hmap_core.exceptions import InputError
 from hmap_core.planner import plugins
 from hmap_core.planner.components import PlannerComponents, local_components
@@ -15,8 +15,6 @@ from hmap_core.planner.interfaces import Progress, ProgressCallback, ToolGrasp
 from hmap_core.planner.komo_segments import KomoSegmentPlanner
 from hmap_core.planner.protocols import Cancel, ContactProposer, ManipulationPlanner, ObjectPathPlanner, TransitPlanner
 from hmap_core.types import Plan, Scene, SceneState
-
-DEFAULT_CPU_LIMIT = 10.0  # s of processor time, for those who give no time limit
 
 
 def plan(
