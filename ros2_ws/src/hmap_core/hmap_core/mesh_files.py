@@ -155,10 +155,12 @@ def _read(path: Path) -> tuple["trimesh.Trimesh", int]:
     except Exception as error:  # the readers of the various formats raise exceptions of any type
         what = " ".join(f"{type(error).__name__}: {error}".split())
         raise _unusable(path, f"is not a mesh: {what}; export it again") from error
+    if not finite:
+        raise _unusable(path, "is not a mesh: a coordinate is not finite; export it again")
     if len(mesh.faces) < MIN_FACES:
         raise _unusable(path, f"is not a mesh: it has {len(mesh.faces)} triangles; at least {MIN_FACES} are needed")
-    if not finite or np.abs(mesh.vertices).max() * unit > LARGEST:
-        raise _unusable(path, f"is not a mesh: a coordinate is not finite, or larger than {LARGEST:g}")
+    if np.abs(mesh.vertices).max() * unit > LARGEST:
+        raise _unusable(path, f"is not a mesh: a coordinate is larger than {LARGEST:g} m")
     if unit != 1.0:
         mesh.apply_scale(unit)
     with np.errstate(all="ignore"):  # a volume of 0 is refused with the hull

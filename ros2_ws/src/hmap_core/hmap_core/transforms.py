@@ -6,6 +6,7 @@ Diebel, "Representing attitude", 2006, derives the quaternion formulas; it write
 """
 
 import math
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -41,6 +42,16 @@ def from_rpy(position: ArrayLike, rpy: ArrayLike) -> np.ndarray:
         The pose (7,).
     """
     return np.concatenate([np.asarray(position, float), Rotation.from_euler("xyz", rpy).as_quat()])
+
+
+def euler_angles(T: np.ndarray, axes: str = "xyz") -> np.ndarray:
+    """Angles (3,) in radians of the rotation of a pose (7,); ``axes`` as of SciPy, "xyz": roll, pitch, yaw.
+
+    Where two of the angles turn about one axis, the third is zero.
+    """
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Gimbal lock detected")
+        return Rotation.from_quat(T[3:]).as_euler(axes)
 
 
 def from_matrix(matrix: np.ndarray) -> np.ndarray:

@@ -82,7 +82,7 @@ BAD = {
         "v 0 0 0\nv 1e-10 0 0\nv 0 1e-10 0\nv 0 0 1e-10\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n",
         "is",
     ),
-    "huge.obj": (FLAT.replace("1 1 0", "1 1 1e9"), "a coordinate is not finite, or larger than 1e+06"),
+    "huge.obj": (FLAT.replace("1 1 0", "1 1 1e9"), "a coordinate is larger than 1e+06 m"),
     "box.glb": ("glTF", "is not a mesh"),
     "box.dae": ("<COLLADA>", "is not a mesh"),
     "box.ply": ("ply", "is not a mesh"),
@@ -119,6 +119,17 @@ def test_binary_stl_files_may_be_longer_than_their_header_says_and_not_shorter(t
     path.write_bytes(data[:-60])
     with pytest.raises(InputError, match="its header says 12 triangles, which are 684 bytes, and it has 624"):
         read_hull(path)
+
+
+def test_a_binary_stl_file_with_coordinates_that_are_no_numbers_is_refused(tmp_path):
+    path = meshes.save(meshes.box(), tmp_path / "box.stl")
+    triangles = np.frombuffer(path.read_bytes()[84:], [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("", "<u2")])
+    for bad in (1, len(triangles) - 2):
+        damaged = triangles.copy()
+        damaged["corners"][:bad, 0, 0] = np.nan
+        path.write_bytes(path.read_bytes()[:84] + damaged.tobytes())
+        with pytest.raises(InputError, match="a coordinate is not finite; export it again"):
+            read_hull(path)
 
 
 @pytest.mark.parametrize("name", BAD)

@@ -8,6 +8,7 @@ from hmap_core.transforms import (
     IDENTITY,
     apply,
     consistent,
+    euler_angles,
     from_matrix,
     inverse,
     multiply,
@@ -70,3 +71,12 @@ def test_quaternions_of_a_path_do_not_turn_round():
     assert (np.einsum("ij,ij->i", found[1:, 3:], found[:-1, 3:]) > 0.9).all()
     np.testing.assert_array_equal(found[0], poses[0])
     np.testing.assert_allclose(Rotation.from_quat(found[:, 3:]).as_matrix(), Rotation.from_quat(turns).as_matrix())
+
+
+@pytest.mark.parametrize("pitch", [0.3, np.pi / 2, -np.pi / 2])
+@pytest.mark.parametrize("axes", ["xyz", "XYZ"])
+def test_euler_angles_are_found_without_a_warning_where_they_are_not_unique(pitch, axes, recwarn):
+    T = pose((1, 2, 3), Rotation.from_euler(axes, (0.4, pitch, -0.7)).as_quat())
+    angles = euler_angles(T, axes)
+    np.testing.assert_allclose(Rotation.from_euler(axes, angles).as_matrix(), to_matrix(T)[:3, :3], atol=1e-7)
+    assert not recwarn.list

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from hmap_core.collision.convex import ConvexSet
 from hmap_core.exceptions import Code, InputError
 from hmap_core.kinematics.branch import Branch
-from hmap_core.transforms import IDENTITY, from_matrix, inverse, multiply, rotation_matrix, to_matrix
+from hmap_core.transforms import IDENTITY, euler_angles, from_matrix, inverse, multiply, rotation_matrix, to_matrix
 
 PLANE_TOLERANCE = 1e-6  # m or, for unit vectors, 1; largest deviation of a planar body's pose from its plane
 MAX_PITCH = np.radians(80.0)  # rad; the rotation of a spatial body is singular at a pitch of 90 degrees
@@ -133,7 +133,7 @@ class FreeBody:
         """
         T = multiply(inverse(self.T_world_reference), multiply(T_world_body, inverse(self.T_tip_body)))
         if self.freedom == Freedom.SPATIAL:
-            return np.r_[T[:3], Rotation.from_quat(T[3:]).as_euler("XYZ")]
+            return np.r_[T[:3], euler_angles(T, "XYZ")]
         matrix = rotation_matrix(T)
         off = max(abs(T[2]), np.abs(matrix[:2, 2]).max(), 1.0 - matrix[2, 2])
         if off > PLANE_TOLERANCE:

@@ -16,7 +16,6 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation
 
 from hmap_core.compile_cache import cache_root
 from hmap_core.exceptions import InputError
@@ -25,7 +24,7 @@ from hmap_core.robot_description.description import Link, RobotDescription
 from hmap_core.robot_description.node import LINE
 from hmap_core.robot_description.tree import Joint
 from hmap_core.robot_description.uris import find_file
-from hmap_core.transforms import IDENTITY, from_matrix, to_matrix
+from hmap_core.transforms import IDENTITY, euler_angles, from_matrix, to_matrix
 from hmap_core.types import Shape, ShapeKind
 
 ASSUMED_EFFORT = {"revolute": 300.0, "continuous": 300.0, "prismatic": 1000.0}  # N m, N: of a joint without effort
@@ -177,7 +176,7 @@ def _joint(description: RobotDescription, joint: Joint, fixed: bool, original: E
 
 
 def _origin(parent: Element, T: np.ndarray) -> None:
-    SubElement(parent, "origin", xyz=_text(*T[:3]), rpy=_text(*Rotation.from_quat(T[3:]).as_euler("xyz")))
+    SubElement(parent, "origin", xyz=_text(*T[:3]), rpy=_text(*euler_angles(T)))
 
 
 def _text(*numbers: float) -> str:

@@ -99,7 +99,7 @@ def _numbers(text: str | None, default: tuple[float, ...], infinite: bool = Fals
     if text is None:
         return np.array(default, float)
     found = np.array(text.split(), float)
-    if len(found) != len(default) or np.isnan(found).any() or (np.isinf(found).any() and not infinite):
+    if "_" in text or len(found) != len(default) or np.isnan(found).any() or (np.isinf(found).any() and not infinite):
         raise ValueError(f"'{text}' is not {len(default)} finite numbers")
     return found
 
