@@ -166,7 +166,7 @@ def test_command(monkeypatch, tmp_path, capsys):
     assert main(["bench", "generality", "--families", "goal_in_wall", *options]) == 0
     told = capsys.readouterr()
     assert told.out.splitlines()[1].split()[:4] == ["goal_in_wall", "2", "2", "2"] and "seed 6: solved" in told.err
-    assert [trial.seed for trial in asked] == [5, 6] and all(trial.time_limit == 30.0 for trial in asked)
+    assert [trial.seed for trial in asked] == [5, 6] and all(trial.time_limit is None for trial in asked)
     assert (saved / "goal_in_wall-6.yaml").read_text() == FAMILIES["goal_in_wall"].task_file(6)
     assert json.loads(file.read_text()) == json.loads((out / "generality.json").read_text())
     assert (out / "generality.md").read_text().startswith("| family |")

@@ -15,7 +15,6 @@ from hmap_core.evaluation.trial import Trial
 
 HELP = "generate tasks of many kinds, plan, judge and execute them, and say how many are solved and why others are not"
 SEEDS = 25
-TIME_LIMIT = 30.0  # s for each planning
 WARM_UP = "puck_move"  # the task that a worker process plans before its first trial
 
 
@@ -26,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--list", action="store_true", help="print the families and what their tasks are, and stop")
     parser.add_argument("--seeds", type=count, default=SEEDS, metavar="N", help=f"tasks of each family ({SEEDS})")
     parser.add_argument("--first-seed", type=natural, default=0, metavar="S", help="seed of the first of them (0)")
-    add_trial_arguments(parser, TIME_LIMIT)
+    add_trial_arguments(parser, None)
     text = "write generality.json and generality.md (tables) to this folder"
     parser.add_argument("--out", type=Path, metavar="DIR", help=text)
     text = "keep the task files in this folder, for `hmap plan DIR/FAMILY-SEED.yaml --seed SEED`"

@@ -5,8 +5,9 @@ import json
 from pathlib import Path
 
 from hmap_core.cli.main import count, natural, positive
-from hmap_core.cli.plan import DEFAULT_TIME_LIMIT, check_writable
+from hmap_core.cli.plan import check_writable
 from hmap_core.cli.progress import ProgressLine
+from hmap_core.deadline import DEFAULT_TIME_LIMIT
 
 HELP = "compare learned contacts with sampling only: paired seeds, bootstrap intervals of the ratios"
 SEEDS = 10

@@ -6,7 +6,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 from hmap_core.cli.main import count, natural, positive
-from hmap_core.cli.plan import DEFAULT_TIME_LIMIT, check_writable
+from hmap_core.cli.plan import check_writable
+from hmap_core.deadline import DEFAULT_TIME_LIMIT
 
 HELP = "measure the motions of plans: durations, lengths, standing times, contact episodes"
 SEEDS = 20

@@ -7,7 +7,8 @@ from pathlib import Path
 from hmap_core.cli.bench_tasks import TrialProgress, add_trial_arguments
 from hmap_core.cli.execute import engine_argument
 from hmap_core.cli.main import count, natural
-from hmap_core.cli.plan import DEFAULT_TIME_LIMIT, check_writable
+from hmap_core.cli.plan import check_writable
+from hmap_core.deadline import DEFAULT_TIME_LIMIT
 from hmap_core.evaluation.trial import Trial
 
 HELP = "execute tasks in worlds whose friction, masses and poses are off, in open and closed loop"

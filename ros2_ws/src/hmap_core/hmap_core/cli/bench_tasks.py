@@ -8,7 +8,8 @@ from itertools import groupby
 from pathlib import Path
 
 from hmap_core.cli.main import count, natural, positive
-from hmap_core.cli.plan import DEFAULT_TIME_LIMIT, check_writable
+from hmap_core.cli.plan import LIMITS, check_writable
+from hmap_core.deadline import DEFAULT_TIME_LIMIT
 from hmap_core.evaluation.trial import DEFAULT_PLANNER, DEFAULT_REPLANS, Trial, TrialResult
 from hmap_core.exceptions import InputError
 
@@ -32,9 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_trial_arguments(parser: argparse.ArgumentParser, time_limit: float) -> None:
-    """Add the options that all measurements by trials have; ``time_limit`` in s is the default."""
-    limit = f"for each planning ({time_limit:g})"
+def add_trial_arguments(parser: argparse.ArgumentParser, time_limit: float | None) -> None:
+    """Add the options that all measurements by trials have; ``time_limit`` in s is the default, None that of plans."""
+    limit = f"for each planning ({LIMITS if time_limit is None else f'{time_limit:g}'})"
     parser.add_argument("--time-limit", type=positive, default=time_limit, metavar="SECONDS", help=limit)
     replans = f"new plans that an execution may ask for ({DEFAULT_REPLANS})"
     parser.add_argument("--replans", type=natural, default=DEFAULT_REPLANS, metavar="N", help=replans)

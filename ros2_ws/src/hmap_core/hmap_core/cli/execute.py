@@ -6,9 +6,9 @@ from pathlib import Path
 
 from hmap_core.cli.check import read
 from hmap_core.cli.main import count, natural, positive, seed_argument
-from hmap_core.cli.plan import DEFAULT_TIME_LIMIT
+from hmap_core.cli.plan import LIMITS
 from hmap_core.cli.progress import ProgressLine
-from hmap_core.deadline import DEFAULT_CPU_LIMIT
+from hmap_core.deadline import DEFAULT_TIME_LIMIT
 from hmap_core.evaluation.trial import DEFAULT_REPLANS, PYBULLET, is_path
 from hmap_core.exceptions import InputError
 
@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     replans = f"plan anew, so often at most, where the world is not as planned (a task: {DEFAULT_REPLANS}, a file: 0)"
     parser.add_argument("--replans", type=natural, metavar="N", help=replans)
     seed_argument(parser)
-    limit = f"for each planning ({DEFAULT_TIME_LIMIT:g}, and {DEFAULT_CPU_LIMIT:g} of processor time for the first)"
+    limit = f"for each planning ({LIMITS} for the first)"
     parser.add_argument("--time-limit", type=positive, metavar="SECONDS", help=limit)
     engine_argument(parser)
     text = "a world that is off by up to this, and not known to the planner: friction=0.3,mass=0.5,pose=0.002:1"

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from hmap_core.cli.main import positive, seed_argument
 from hmap_core.cli.progress import ProgressLine
-from hmap_core.deadline import DEFAULT_CPU_LIMIT
+from hmap_core.deadline import DEFAULT_CPU_LIMIT, DEFAULT_TIME_LIMIT
 from hmap_core.exceptions import HmapError, InputError
 
 HELP = "plan a task, let the judge check the plan, and write it to a file"
-DEFAULT_TIME_LIMIT = 60.0  # s
+LIMITS = f"{DEFAULT_TIME_LIMIT:g}, and {DEFAULT_CPU_LIMIT:g} of processor time"  # if no limit is given, for helps
 ANIMATION_SUFFIX = ".gif"
 
 
@@ -19,8 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("task", metavar="TASK", help="a name of `hmap tasks`, or a task file (.yaml)")
     seed_argument(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="the plan file (TASK-SEED.json)")
-    limit = f"for planning ({DEFAULT_TIME_LIMIT:g}, and {DEFAULT_CPU_LIMIT:g} of processor time)"
-    parser.add_argument("--time-limit", type=positive, metavar="SECONDS", help=limit)
+    parser.add_argument("--time-limit", type=positive, metavar="SECONDS", help=f"for planning ({LIMITS})")
     parser.add_argument("--picture", type=Path, metavar="PNG", help="draw key frames of the plan, too")
     parser.add_argument("--animation", type=Path, metavar="GIF", help="draw the plan as an animated GIF, too")
     parts_arguments(parser)

@@ -8,6 +8,7 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from hmap_core import planner
+from hmap_core.deadline import DEFAULT_TIME_LIMIT
 from hmap_core.evaluation.replanning import replanner
 from hmap_core.evaluation.trial import DEFAULT_PLANNER, NOT_VALID, Trial, TrialResult
 from hmap_core.exceptions import Code, HmapError
@@ -32,7 +33,7 @@ def warm_up(trial: Trial) -> None:
     """
     seed, limit, options = WARM_UP_SEED + trial.seed, trial.time_limit, _options(trial)
     if trial.planner != DEFAULT_PLANNER:
-        limit = min(limit, WARM_UP_LIMIT)
+        limit = min(limit or WARM_UP_LIMIT, WARM_UP_LIMIT)
     with contextlib.suppress(Exception):  # failures of the warm-up do not matter
         planner.plan(load_scene(trial.warm_up or trial.task, seed), seed=seed, time_limit=limit, **options)
     gc.collect()
@@ -97,7 +98,7 @@ def _violations(report: Report) -> str:
 
 
 def _executed(trial: Trial, plan: Plan, planned: TrialResult) -> TrialResult:
-    replan = replanner(trial.seed, trial.time_limit)
+    replan = replanner(trial.seed, trial.time_limit or DEFAULT_TIME_LIMIT)
     actual = Perturbation.parse(trial.perturbation).apply(plan.scene, trial.sample) if trial.perturbation else None
     report = execute_closed_loop(plan, replan, trial.max_replans, engine=trial.engine, actual=actual)
     return replace(

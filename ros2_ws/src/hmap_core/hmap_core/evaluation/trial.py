@@ -22,7 +22,7 @@ class Trial:
     Attributes:
         task: a name of ``hmap tasks``, or the path of a task file.
         seed: seed of the randomisation and of the planner.
-        time_limit: wall-clock time for each plan, s.
+        time_limit: wall-clock time for each plan, s; None: as :func:`hmap_core.planner.plan` without one.
         max_replans: number of replans that the execution may request.
         warm_up: the task that a worker process plans before its first trial, once for each; empty: ``task``.
         engine: the physics engine of the execution.
@@ -34,7 +34,7 @@ class Trial:
 
     task: str
     seed: int
-    time_limit: float
+    time_limit: float | None
     max_replans: int
     warm_up: str = ""
     engine: str = PYBULLET

@@ -3,6 +3,7 @@
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
 
+from hmap_core.deadline import DEFAULT_TIME_LIMIT
 from hmap_core.evaluation.isolated import COMMAND, run_isolated
 from hmap_core.evaluation.trial import PUBLISHED, Trial, TrialResult, is_path
 from hmap_core.exceptions import Code, InputError
@@ -79,7 +80,7 @@ def task_names(tasks: Sequence[str] = (), published: bool = False) -> list[str]:
 
 def trial_timeout(trial: Trial) -> float:
     """Wall-clock time in seconds after which a trial is killed: warm-up, planning, replans and execution."""
-    return (2 + trial.max_replans) * trial.time_limit + EXECUTION_TIMEOUT
+    return (2 + trial.max_replans) * (trial.time_limit or DEFAULT_TIME_LIMIT) + EXECUTION_TIMEOUT
 
 
 def _numbered(k: int, trial: Trial, command: Sequence[str]) -> tuple[int, TrialResult]:

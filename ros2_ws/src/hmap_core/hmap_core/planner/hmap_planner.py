@@ -8,7 +8,7 @@ import numpy as np
 
 from hmap_core.arguments import checked_seed, checked_time_limit
 from hmap_core.contacts.camera import Cloud
-from hmap_core.deadline import check_time
+from hmap_core.deadline import DEFAULT_TIME_LIMIT, check_time
 from hmap_core.exceptions import Code, HmapError
 from hmap_core.plan_file import to_dict
 from hmap_core.planner import preconditions
@@ -26,8 +26,6 @@ from hmap_core.planner.tools import attach_tool, with_tool_attached
 from hmap_core.trajectory.measured_limits import within_limits
 from hmap_core.types import Goal, Plan, Scene, SceneState, SegmentKind
 from hmap_core.validation import Report, check
-
-DEFAULT_TIME_LIMIT = 60.0  # s
 
 
 @dataclass

@@ -6,11 +6,11 @@ import numpy as np
 
 from hmap_core.compile_cache import ensure_compiled
 from hmap_core.contacts.camera import Cloud
-from hmap_core.deadline import DEFAULT_CPU_LIMIT, within_cpu_time
+from hmap_core.deadline import DEFAULT_CPU_LIMIT, DEFAULT_TIME_LIMIT, within_cpu_time
 from hmap_core.exceptions import InputError
 from hmap_core.planner import plugins
 from hmap_core.planner.components import PlannerComponents, local_components
-from hmap_core.planner.hmap_planner import DEFAULT_TIME_LIMIT, HmapPlanner
+from hmap_core.planner.hmap_planner import HmapPlanner
 from hmap_core.planner.interfaces import Progress, ProgressCallback, ToolGrasp
 from hmap_core.planner.komo_segments import KomoSegmentPlanner
 from hmap_core.planner.protocols import Cancel, ContactProposer, ManipulationPlanner, ObjectPathPlanner, TransitPlanner

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from hmap_core.deadline import DEFAULT_TIME_LIMIT
 from hmap_core.evaluation.table.log import Key, key_of
 from hmap_core.evaluation.table.statistics import Cell, Comparison, compare, holm
 from hmap_core.evaluation.trial import Trial, TrialResult
@@ -57,7 +58,7 @@ def build(wanted: Sequence[Trial], results: dict[Key, TrialResult], executed: se
                 tuple(t.seed for t in done),
                 tuple(results[key_of(t)] for t in done),
                 task in executed,
-                own[0].time_limit,
+                own[0].time_limit or DEFAULT_TIME_LIMIT,
             )
     return Table(tasks, planners, cells, _comparisons(tasks, planners, cells))
 
