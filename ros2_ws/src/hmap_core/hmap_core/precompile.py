@@ -21,7 +21,7 @@ from hmap_core.komo.skeleton import Skeleton, SkeletonEntry, Symbol
 from hmap_core.komo.skeleton_problem import SkeletonProblem
 from hmap_core.komo.transcription import KomoProblem
 from hmap_core.komo.workspace import Workspace
-from hmap_core.learning.clearance import Boxes
+from hmap_core.learning.clearance import Boxes, probe_distances
 from hmap_core.planner import HmapPlanner, ObjectPathQuery
 from hmap_core.planner.object_path import BidirectionalSearch
 from hmap_core.scenes import load_scene
@@ -105,7 +105,13 @@ def _contact_manifolds() -> None:
 def _distances() -> None:
     """Distances of points from boxes, for the learned proposer."""
     wall = Body("wall", BodyKind.FIXED, (Shape(ShapeKind.BOX, (0.02, 0.4, 0.4)),), pose())
-    Boxes.around([(wall, wall.pose)]).distances(np.zeros((1, 3)), 0.1)
+    boxes = Boxes.around([(wall, wall.pose)])
+    boxes.distances(np.zeros((1, 3)), 0.1)
+    some, frames = np.zeros((1, 3)), np.eye(3)[None]
+    probe_distances(
+        frames, some, np.zeros(1), some, some, some, frames, some, np.zeros(1), boxes.R, boxes.p, boxes.half, 0.1, 1.0,
+        np.empty((1, 1), np.float32), 0,
+    )  # fmt: skip
 
 
 def main() -> int:

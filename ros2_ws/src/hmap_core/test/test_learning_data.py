@@ -18,9 +18,11 @@ from hmap_core.planner.sampled_contacts import SampledContacts
 from hmap_core.scenes import SceneBuilder
 
 pq = pytest.importorskip("pyarrow.parquet")
+from hmap_core.learning.baselines import BASELINES  # noqa: E402
 from hmap_core.learning.dataset import Recipe, _prepare, make  # noqa: E402
 from hmap_core.learning.dataset_check import check  # noqa: E402
-from hmap_core.learning.examples import load_all, load_contacts, load_holds  # noqa: E402
+from hmap_core.learning.evaluation import LEARNED  # noqa: E402
+from hmap_core.learning.examples import load_all, load_contacts, load_holds, thinned  # noqa: E402
 from hmap_core.learning.metrics import average_precision, first_hits  # noqa: E402
 from hmap_core.learning.rows import scene_rows  # noqa: E402
 
@@ -142,6 +144,35 @@ def test_training_for_some_seconds_on_the_sample_beats_chance():
     assert len(load_holds(SAMPLE, "train")) > 50
 
 
+def test_a_training_without_a_family_is_measured_on_that_family_beside_all_baselines(tmp_path):
+    for package in ("torch", "lightgbm"):
+        pytest.importorskip(package)
+    (tmp_path / "few.toml").write_text("epochs = 2\nkept = 0.5\n")
+    options = [
+        "--leave-one-out",
+        "tray",
+        "--config",
+        str(tmp_path / "few.toml"),
+        "--json",
+        str(tmp_path / "found.json"),
+    ]
+    assert main(["evaluate-proposer", str(SAMPLE), *options]) == 0
+    scores = {score["scorer"]: score for score in json.loads((tmp_path / "found.json").read_text())["contacts"]}
+    assert set(scores) == {LEARNED, *BASELINES} and {score["family"] for score in scores.values()} == {"tray"}
+    for score in scores.values():
+        value, low, high = score["precision"]
+        assert low <= value <= high
+    assert scores[LEARNED]["precision"][0] > 2.0 * scores["uniform"]["precision"][0]
+
+
+def test_a_thinned_training_set_keeps_all_contacts_where_the_hand_serves():
+    contacts = load_contacts(SAMPLE, "train")
+    kept = thinned(contacts, 0.25, 0)
+    assert thinned(contacts, 1.0, 0) is contacts
+    assert kept.hand.sum() == contacts.hand.sum()
+    assert (~kept.hand).mean() > 0.0 and abs((~kept.hand).sum() / (~contacts.hand).sum() - 0.25) < 0.03
+
+
 def test_a_relaxed_data_set_has_no_body_that_may_be_removed(tmp_path):
     make(tmp_path / "set", Recipe(1, 0, ("clutter",)))
     make(tmp_path / "relaxed", Recipe(1, 0, ("clutter",), relaxed=True))
@@ -172,6 +203,7 @@ def test_queries_of_several_data_sets_stay_apart():
     "text, reason",
     [
         ("epochs = 0", "epochs is 0"),
+        ("kept = 1.5", "kept is 1.5"),
         ("pochs = 1", "unknown key 'pochs'"),
         ("hidden = []", "hidden is"),
         ("=", "no TOML"),

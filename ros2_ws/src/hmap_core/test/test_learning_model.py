@@ -68,25 +68,29 @@ def test_features_do_not_change_where_the_whole_scene_is_moved_or_turned():
 
 def test_probes_of_hands_are_where_the_object_carries_them():
     rng = np.random.default_rng(4)
-    K, Q, T = 5, 6, 3
+    K, Q, T = 70, 6, 3  # more hands than are compared at once
 
     def poses(count):
         drawn = rng.normal(size=(count, 7)) * [0.1, 0.1, 0.1, 1, 1, 1, 1]
         drawn[:, 3:] /= np.linalg.norm(drawn[:, 3:], axis=1)[:, None]
         return drawn
 
-    hands, stops, probes, ways = poses(K), poses(T), 0.1 * rng.normal(size=(K, Q, 3)), 0.1 * rng.normal(size=(K, 3))
+    hands, stops, probes, ways = poses(K), poses(T), 0.1 * rng.normal(size=(Q, 3)), 0.1 * rng.normal(size=(K, 3))
+    openings, widening = rng.uniform(0.0, 0.08, K), rng.normal(size=(Q, 3))
     back, half = np.array([1.0, 0.0, 0.5]), np.array([[0.05, 0.02, 0.1], [0.01, 0.08, 0.03]])
     boxes = poses(2)
     R_boxes, p_boxes = rotation_matrices(boxes), np.ascontiguousarray(boxes[:, :3])
-    found = probe_distances(
-        rotation_matrices(hands), np.ascontiguousarray(hands[:, :3]), probes, ways, rotation_matrices(stops),
-        np.ascontiguousarray(stops[:, :3]), back, R_boxes, p_boxes, half, 0.2,
+    found = np.empty((K, T * Q))
+    probe_distances(
+        rotation_matrices(hands), np.ascontiguousarray(hands[:, :3]), openings, probes, widening, ways,
+        rotation_matrices(stops), np.ascontiguousarray(stops[:, :3]), back, R_boxes, p_boxes, half, 0.2, 10.0, found, 0,
     )  # fmt: skip
     for t in range(T):
         for k in range(K):
-            at = apply(stops[t], apply(hands[k], probes[k]) - back[t] * ways[k])
-            np.testing.assert_allclose(found[k, t], box_distances(at, R_boxes, p_boxes, half, 0.2), atol=1e-12)
+            at = apply(stops[t], apply(hands[k], probes + openings[k] * widening) - back[t] * ways[k])
+            expected = 10.0 * box_distances(at, R_boxes, p_boxes, half, 0.2)
+            np.testing.assert_allclose(found[k, t * Q : (t + 1) * Q], expected, atol=1e-12)
+    assert (found < 0.0).any() and (found == 2.0).any()
 
 
 def test_distances_are_negative_inside_and_limited_outside():

@@ -45,9 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     print(*evaluation.table(scores), sep="\n")
     if "manipulators" in results:
         print(*(f"{name:<16}{value:.3f}" for name, value in results["manipulators"].items()), sep="\n")
-    if arguments.json is not None:
-        results["contacts"] = [score.to_dict() for score in scores]
-        arguments.json.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
+    _write(arguments.json, {"contacts": [score.to_dict() for score in scores]} | results)
     return 0
 
 
@@ -57,16 +55,25 @@ def _left_out(arguments: argparse.Namespace, line: ProgressLine) -> list:
 
     from hmap_core.learning import evaluation
     from hmap_core.learning.families import FAMILIES
-    from hmap_core.learning.training import DEFAULTS, TrainingConfig, train
+    from hmap_core.learning.training import DEFAULTS, TrainingConfig, contact_scorer
 
-    config = TrainingConfig.read(arguments.config or DEFAULTS)
+    config = replace(TrainingConfig.read(arguments.config or DEFAULTS), seed=arguments.seed)
     families = TrainingConfig.families_of(arguments.leave_one_out) or FAMILIES
 
-    def trained(folder: Path, family: str):
-        own = replace(config, without=(family,), seed=arguments.seed)
+    def trained(family, train, validation):
         text = f"training without {family}"
-        return train(
-            [folder], own, lambda name, epoch, of, loss: line.show(text, f"{name}, epoch {epoch} of {of}")
-        ).model
+        own = replace(config, without=(family,))
+        return contact_scorer(
+            train, validation, own, lambda name, epoch, of, loss: line.show(text, f"epoch {epoch} of {of}")
+        )
 
-    return evaluation.leave_one_out(arguments.data, trained, families, arguments.seed)
+    found = []
+    for scores in evaluation.leave_one_out(arguments.data, trained, families, arguments.seed, config.kept):
+        found += scores
+        _write(arguments.json, {"contacts": [score.to_dict() for score in found]})
+    return found
+
+
+def _write(path: Path | None, results: dict) -> None:
+    if path is not None:
+        path.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")

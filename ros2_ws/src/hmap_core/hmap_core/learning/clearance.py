@@ -6,10 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from hmap_core.collision.compile_options import OPTIONS
+from hmap_core.collision.compile_options import OPTIONS, PLAIN
 from hmap_core.collision.convex import hull_vertices
 from hmap_core.transforms import apply, rotation_matrix
 from hmap_core.types import Body, Shape, ShapeKind
+
+BLOCK = 32  # hands whose probes are compared with a box at once; their numbers fit into the cache
 
 
 @dataclass(frozen=True)
@@ -103,31 +105,97 @@ def box_distances(points, R, p, half, limit):
     return out
 
 
+@njit(**PLAIN)
+def _place(frames, origins, openings, probes, widening, ways, back, x, y, z):
+    """Write the coordinates (K * Q,) of the probes of K hands, object frame; returns their largest distance from it."""
+    Q, largest = probes.shape[0], 0.0
+    for k in range(frames.shape[0]):
+        F, width = frames[k], openings[k]
+        u, v, w = (
+            origins[k, 0] - back * ways[k, 0],
+            origins[k, 1] - back * ways[k, 1],
+            origins[k, 2] - back * ways[k, 2],
+        )
+        for q in range(Q):
+            n0, n1 = probes[q, 0] + width * widening[q, 0], probes[q, 1] + width * widening[q, 1]
+            n2 = probes[q, 2] + width * widening[q, 2]
+            a = u + F[0, 0] * n0 + F[0, 1] * n1 + F[0, 2] * n2
+            b = v + F[1, 0] * n0 + F[1, 1] * n1 + F[1, 2] * n2
+            c = w + F[2, 0] * n0 + F[2, 1] * n1 + F[2, 2] * n2
+            x[k * Q + q], y[k * Q + q], z[k * Q + q] = a, b, c
+            square = a * a + b * b + c * c
+            largest = square if square > largest else largest
+    return np.sqrt(largest)
+
+
+@njit(**PLAIN)
+def _compare(x, y, z, M, shift, half, deepest, nearest):
+    """Update, with one box, the least signed depth (N,) and the least squared distance (N,) of points (N,) each.
+
+    There are no branches, and matrices are read into numbers first, so that the compiler uses vector instructions.
+    """
+    ax, ay, az, bx, by, bz = M[0, 0], M[0, 1], M[0, 2], M[1, 0], M[1, 1], M[1, 2]
+    cx, cy, cz, a0, b0, c0 = M[2, 0], M[2, 1], M[2, 2], shift[0], shift[1], shift[2]
+    a1, b1, c1 = half[0], half[1], half[2]
+    for n in range(x.shape[0]):
+        a = abs(ax * x[n] + ay * y[n] + az * z[n] + a0) - a1
+        b = abs(bx * x[n] + by * y[n] + bz * z[n] + b0) - b1
+        c = abs(cx * x[n] + cy * y[n] + cz * z[n] + c0) - c1
+        depth = a if a > b else b
+        depth = depth if depth > c else c
+        a, b, c = a if a > 0.0 else 0.0, b if b > 0.0 else 0.0, c if c > 0.0 else 0.0
+        square = a * a + b * b + c * c
+        deepest[n] = depth if depth < deepest[n] else deepest[n]
+        nearest[n] = square if square < nearest[n] else nearest[n]
+
+
 @njit(**OPTIONS)
-def probe_distances(frames, origins, probes, ways, R_stops, p_stops, back, R, p, half, limit):
-    """Distances (K, T, Q) of the probes of K hands from the nearest of S boxes, at T stops of the object.
+def probe_distances(
+    frames, origins, openings, probes, widening, ways, R_stops, p_stops, back, R, p, half, limit, scale, out, column
+):
+    """Write the distances of Q probes of K hands from the nearest of S boxes, at T stops of the object.
 
     Args:
         frames, origins: (K, 3, 3), (K, 3) of the hands, object frame.
-        probes: (K, Q, 3) points of each hand, in its own frame.
+        openings: (K,) of the hands.
+        probes: (Q, 3) points of closed hands, in their own frames.
+        widening: (Q, 3) by which the probes move with the opening.
         ways: (K, 3) from which each hand comes, object frame.
         R_stops, p_stops: (T, 3, 3), (T, 3) poses of the object.
         back: (T,) share of its way by which a hand is drawn back at a stop.
         R, p, half: the boxes.
-        limit: largest distance.
+        limit: largest distance, above 0.
+        scale: by which distances are multiplied.
+        out: (K, ...) T * Q columns of it are written, the probes of the first stop first.
+        column: the first of them.
     """
-    K, Q, T = probes.shape[0], probes.shape[1], p_stops.shape[0]
-    out = np.full((K, T, Q), limit)
-    for k in range(K):
-        F, o, n = frames[k], origins[k], probes[k]
-        for q in range(Q):
-            u0 = o[0] + F[0, 0] * n[q, 0] + F[0, 1] * n[q, 1] + F[0, 2] * n[q, 2]
-            v0 = o[1] + F[1, 0] * n[q, 0] + F[1, 1] * n[q, 1] + F[1, 2] * n[q, 2]
-            w0 = o[2] + F[2, 0] * n[q, 0] + F[2, 1] * n[q, 1] + F[2, 2] * n[q, 2]
-            for t in range(T):
-                u, v, w = u0 - back[t] * ways[k, 0], v0 - back[t] * ways[k, 1], w0 - back[t] * ways[k, 2]
-                x = p_stops[t, 0] + R_stops[t, 0, 0] * u + R_stops[t, 0, 1] * v + R_stops[t, 0, 2] * w
-                y = p_stops[t, 1] + R_stops[t, 1, 0] * u + R_stops[t, 1, 1] * v + R_stops[t, 1, 2] * w
-                z = p_stops[t, 2] + R_stops[t, 2, 0] * u + R_stops[t, 2, 1] * v + R_stops[t, 2, 2] * w
-                out[k, t, q] = _distance(x, y, z, R, p, half, limit)
-    return out
+    K, Q, T = frames.shape[0], probes.shape[0], p_stops.shape[0]
+    N = min(K, BLOCK) * Q
+    x, y, z, deepest, nearest = np.empty(N), np.empty(N), np.empty(N), np.empty(N), np.empty(N)
+    M, shift = np.empty((T, p.shape[0], 3, 3)), np.empty((T, p.shape[0], 3))  # from the object's frame to the boxes'
+    for t in range(T):
+        for s in range(p.shape[0]):
+            for i in range(3):
+                shift[t, s, i] = 0.0
+                for j in range(3):
+                    shift[t, s, i] += R[s, j, i] * (p_stops[t, j] - p[s, j])
+                    M[t, s, i, j] = R[s, 0, i] * R_stops[t, 0, j] + R[s, 1, i] * R_stops[t, 1, j]
+                    M[t, s, i, j] += R[s, 2, i] * R_stops[t, 2, j]
+    for first in range(0, K, BLOCK):
+        last, radius = min(first + BLOCK, K), 0.0
+        own = slice(first, last)
+        N = (last - first) * Q
+        for t in range(T):
+            if t == 0 or back[t] != back[t - 1]:
+                radius = _place(frames[own], origins[own], openings[own], probes, widening, ways[own], back[t], x, y, z)
+            deepest[:], nearest[:] = limit, limit * limit
+            for s in range(p.shape[0]):
+                c, h = shift[t, s], half[s]
+                far = max(abs(c[0]) - h[0], abs(c[1]) - h[1], abs(c[2]) - h[2])
+                if far < limit + radius:
+                    _compare(x[:N], y[:N], z[:N], M[t, s], c, h, deepest, nearest)
+            for k in range(last - first):
+                for q in range(Q):
+                    n = k * Q + q
+                    depth = deepest[n]
+                    out[first + k, column + t * Q + q] = scale * (depth if depth <= 0.0 else np.sqrt(nearest[n]))

@@ -1,6 +1,6 @@
 """How good a model is at ordering contacts: on the scenes of a split, or on a family that it was not trained on."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -8,11 +8,13 @@ import numpy as np
 
 from hmap_core.exceptions import InputError
 from hmap_core.learning.baselines import BASELINES, Scorer
-from hmap_core.learning.examples import Contacts, joined, load_contacts, load_holds
+from hmap_core.learning.examples import Contacts, joined, load_contacts, load_holds, thinned
 from hmap_core.learning.metrics import average_precision, calibration_error, first_hits, intervals
 from hmap_core.learning.network import ContactModel
+from hmap_core.learning.schema import SPLITS
 
 LEARNED = "learned"
+TrainWithout = Callable[[str, Contacts, Contacts], Scorer]
 TOP = 5
 DRAWS = 200  # of the bootstrap of the area under the precision-recall curve
 
@@ -64,11 +66,14 @@ def measure(name: str, family: str, contacts: Contacts, score: np.ndarray, proba
 def _interval(contacts: Contacts, score: np.ndarray, rng: np.random.Generator) -> tuple[float, float]:
     """Bootstrap interval of the average precision over queries."""
     names, index = np.unique(contacts.query, return_inverse=True)
-    rows = np.split(np.argsort(index, kind="stable"), np.cumsum(np.bincount(index))[:-1])
+    order = np.argsort(-score, kind="stable")
+    hit, index = contacts.feasible[order].astype(float), index[order]
     drawn = []
     for _ in range(DRAWS):
-        chosen = np.concatenate([rows[k] for k in rng.integers(0, len(names), len(names))])
-        drawn.append(average_precision(contacts.feasible[chosen], score[chosen]))
+        times = np.bincount(rng.integers(0, len(names), len(names)), minlength=len(names))[index]  # a row is drawn
+        hits = times * hit
+        precision = np.cumsum(hits) / np.maximum(np.cumsum(times), 1)
+        drawn.append((precision * hits).sum() / hits.sum() if hits.any() else np.nan)
     low, high = np.nanquantile(drawn, [0.025, 0.975])
     return float(low), float(high)
 
@@ -101,28 +106,33 @@ def compared(test: Contacts, family: str, scorers: dict[str, Scorer]) -> list[Sc
 
 
 def leave_one_out(
-    folder: Path, train: Callable[[Path, str], ContactModel], families: Sequence[str], seed: int = 0
-) -> list[Score]:
+    folder: Path, train: TrainWithout, families: Sequence[str], seed: int = 0, kept: float = 1.0
+) -> Iterator[list[Score]]:
     """For each family: train without it, and measure on all of its scenes, of every split.
+
+    All scorers are trained on the same contacts, and all contacts of the family are measured.
 
     Args:
         folder: of the data set.
-        train: trains a model on a data set without a family.
-        families: that are left out, one after the other.
-        seed: of the baselines.
+        train: makes a scorer from the contacts of the splits "train" and "validation" without a family, whose name it
+            gets first.
+        families: that are left out, one after the other; those without a feasible contact are skipped.
+        seed: of the baselines, and of the contacts that are kept.
+        kept: share of the contacts for training, as in :func:`hmap_core.learning.examples.thinned`.
+
+    Yields:
+        The scores on one family.
     """
-    found = []
-    others = load_contacts(folder, "train")
-    parts = [load_contacts(folder, split) for split in ("train", "validation", "test")]
+    parts = {split: load_contacts(folder, split) for split in SPLITS}
     for family in families:
-        model = train(folder, family)
-        rest = others[others.family != family]
-        test = joined([part[part.family == family] for part in parts])
+        test = joined([part[part.family == family] for part in parts.values()])
         if not (test.feasible == 1).any():
             continue
-        scorers = {LEARNED: model_scorer(model)} | {name: make(rest, seed) for name, make in BASELINES.items()}
-        found += compared(test, family, scorers)
-    return found
+        rest, validation = (parts[split][parts[split].family != family] for split in ("train", "validation"))
+        rest = thinned(rest, kept, seed)
+        scorers = {LEARNED: train(family, rest, validation)}
+        scorers |= {name: make(rest, seed) for name, make in BASELINES.items()}
+        yield compared(test, family, scorers)
 
 
 def hold_precision(folder: Path, model: ContactModel, split: str) -> dict[str, float]:

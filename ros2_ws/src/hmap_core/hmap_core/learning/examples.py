@@ -101,6 +101,13 @@ def joined(parts: Sequence[Rows]) -> Rows:
     )
 
 
+def thinned(contacts: Contacts, kept: float, seed: int) -> Contacts:
+    """Contacts with a share of those where the rigid hand does not serve, which are nine of ten and look alike."""
+    if kept >= 1.0:
+        return contacts
+    return contacts[contacts.hand | (np.random.default_rng(seed).random(len(contacts)) < kept)]
+
+
 def load_all(folders: Sequence[Path], split: str, families: tuple[str, ...] | None = None) -> tuple[Contacts, Holds]:
     """The contacts and manipulators of a split of several data sets; raises as :func:`load_contacts`."""
     contacts, holds = [], []

@@ -28,6 +28,9 @@ HAND = np.array(
 FINGERS = 2  # points beside the tips, whose distance is the opening
 TOOL = 7  # points of a tool
 PROBES = len(HAND) + FINGERS + TOOL
+SIDE = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])  # of each finger
+CLOSED = np.concatenate([HAND, 0.012 * SIDE, np.zeros((TOOL, 3))])  # points (PROBES, 3) of a closed hand, m
+WIDENING = np.concatenate([np.zeros_like(HAND), 0.5 * SIDE, np.zeros((TOOL, 3))])  # of them, by the opening
 BACK = 0.08  # m: how far along the approach the hand comes from
 STOPS = PLACES + 1  # at which the hand is looked at: the place before the contact, and the places of the path
 OWN = 30  # numbers of the contact itself
@@ -43,15 +46,14 @@ NAMES = (
 
 def contact_features(situation: PathSituation, contacts: Sequence[ContactPoint]) -> np.ndarray:
     """Features (K, WIDTH) of K contacts, float32."""
-    if not contacts:
-        return np.zeros((0, WIDTH), np.float32)
-    given = _Given(contacts)
     found = np.empty((len(contacts), WIDTH), np.float32)
+    if not contacts:
+        return found
+    given = _Given(contacts)
     found[:, :COMMON] = situation.common
-    found[:, COMMON : COMMON + OWN] = _own(situation, given)
-    probes = _probes(situation, given)
-    found[:, COMMON + OWN : COMMON + OWN + len(HAND)] = _from_object(situation, given, probes)
-    found[:, COMMON + OWN + len(HAND) :] = _clearances(situation, given, probes)
+    _own(situation, given, found[:, COMMON : COMMON + OWN])
+    _from_object(situation, given, found, COMMON + OWN)
+    _clearances(situation, given, found, COMMON + OWN + len(HAND))
     return found
 
 
@@ -60,80 +62,62 @@ class _Given:
 
     def __init__(self, contacts: Sequence[ContactPoint]):
         frames = np.array([contact.T_obj_ee for contact in contacts])
-        self.origin, self.R = np.ascontiguousarray(frames[:, :3]), np.ascontiguousarray(rotation_matrices(frames))
+        self.origin, self.R = np.ascontiguousarray(frames[:, :3]), rotation_matrices(frames)
         self.point = np.array([contact.point for contact in contacts])
         self.normal = np.array([contact.normal for contact in contacts])
         self.approach = np.array([contact.approach for contact in contacts])
-        self.opening = np.array([contact.opening for contact in contacts])
+        self.opening = np.array([contact.opening for contact in contacts], float)
         self.kind = np.array([NUMBERS[contact.kind] for contact in contacts])
 
 
-def _own(situation: PathSituation, given: _Given) -> np.ndarray:
-    """Numbers (K, OWN) of the contacts themselves."""
+def _own(situation: PathSituation, given: _Given, out: np.ndarray) -> None:
+    """Write numbers (K, OWN) of the contacts themselves."""
     to_axes = situation.axes @ situation.R_places[0]
     hand = to_axes @ given.R
-    approach = (hand @ given.approach[:, :, None])[:, :, 0]
     normal = given.normal @ to_axes.T
     point = (given.point - situation.centre) @ to_axes.T
     low, high = situation.extents
     step = situation.steps[0]
-    length = max(float(np.linalg.norm(step)), 1e-9)
-    way = step / length
-    pushed = np.where(given.kind == NUMBERS[ContactKind.PUSH], situation.pushed_share(given.normal), 1.0)
+    way = step / max(float(np.linalg.norm(step)), 1e-9)
     moved = given.origin @ situation.R_places.swapaxes(1, 2) + situation.poses[situation.places, None, :3]
-    stretch = np.linalg.norm(moved - situation.shoulder, axis=2).T / situation.span
-    above = (moved[0, :, 2] - situation.poses[0, 2]) - low[2]
-    height = (given.point @ to_axes[2] - low[2]) / max(high[2] - low[2], 1e-6)
-    across = point[:, 0] * way[1] - point[:, 1] * way[0]
-    return np.column_stack(
-        [
-            hand[:, :, 2],
-            approach,
-            np.abs(hand[:, :, 1]),
-            normal,
-            SCALE * point,
-            normal @ way,
-            hand[:, :, 2] @ way,
-            SCALE * across,
-            pushed,
-            stretch,
-            SCALE * above,
-            height,
-            SCALE * given.opening,
-            np.eye(len(KINDS))[given.kind],
-        ]
-    )
+    out[:, 0:3] = hand[:, :, 2]
+    out[:, 3:6] = (hand @ given.approach[:, :, None])[:, :, 0]
+    out[:, 6:9] = np.abs(hand[:, :, 1])
+    out[:, 9:12] = normal
+    out[:, 12:15] = SCALE * point
+    out[:, 15] = normal @ way
+    out[:, 16] = hand[:, :, 2] @ way
+    out[:, 17] = SCALE * (point[:, 0] * way[1] - point[:, 1] * way[0])
+    pushed = given.kind == NUMBERS[ContactKind.PUSH]
+    out[:, 18] = np.where(pushed, situation.pushed_share(given.normal), 1.0) if pushed.any() else 1.0
+    out[:, 19 : 19 + PLACES] = np.linalg.norm(moved - situation.shoulder, axis=2).T / situation.span
+    rest = out[:, 19 + PLACES :]
+    rest[:, 0] = SCALE * (moved[0, :, 2] - situation.poses[0, 2] - low[2])
+    rest[:, 1] = (given.point @ to_axes[2] - low[2]) / max(high[2] - low[2], 1e-6)
+    rest[:, 2] = SCALE * given.opening
+    rest[:, 3:] = np.eye(len(KINDS))[given.kind]
 
 
-def _probes(situation: PathSituation, given: _Given) -> np.ndarray:
-    """Points (K, PROBES, 3) of hand, fingers and tool, end-effector frame."""
-    probes = np.zeros((len(given.kind), PROBES, 3))
-    probes[:, : len(HAND)] = HAND
-    side = 0.5 * given.opening + 0.012
-    probes[:, len(HAND), 1], probes[:, len(HAND) + 1, 1] = side, -side
-    if situation.attached is not None:
-        probes[:, -TOOL:] = tool_points(situation.attached)
-    return probes
-
-
-def _from_object(situation: PathSituation, given: _Given, probes: np.ndarray) -> np.ndarray:
-    """Distances (K, len(HAND)) of the points of the hand from the object itself, scaled."""
+def _from_object(situation: PathSituation, given: _Given, out: np.ndarray, column: int) -> None:
+    """Write distances (K, len(HAND)) of the points of the hand from the object itself, scaled."""
     boxes = situation.own_boxes
-    found = probe_distances(
-        given.R, given.origin, probes[:, : len(HAND)], given.approach, np.eye(3)[None], np.zeros((1, 3)), np.zeros(1),
-        boxes.R, boxes.p, boxes.half, LIMIT,
+    probe_distances(
+        given.R, given.origin, given.opening, HAND, np.zeros_like(HAND), given.approach,
+        np.eye(3)[None], np.zeros((1, 3)), np.zeros(1), boxes.R, boxes.p, boxes.half, LIMIT, SCALE, out, column,
     )  # fmt: skip
-    return SCALE * found[:, 0]
 
 
-def _clearances(situation: PathSituation, given: _Given, probes: np.ndarray) -> np.ndarray:
-    """Distances (K, STOPS * PROBES) of the points of hand and tool from what stands around, scaled."""
+def _clearances(situation: PathSituation, given: _Given, out: np.ndarray, column: int) -> None:
+    """Write distances (K, STOPS * PROBES) of the points of hand and tool from what stands around, scaled."""
+    probes = CLOSED
+    if situation.attached is not None:
+        probes = CLOSED.copy()
+        probes[-TOOL:] = tool_points(situation.attached)
     ways = (given.R @ given.approach[:, :, None])[:, :, 0]
     stops = np.array([0, *range(PLACES)])
     back = np.array([BACK, *np.zeros(PLACES)])
     at, boxes = np.ascontiguousarray(situation.poses[situation.places[stops], :3]), situation.boxes
-    found = probe_distances(
-        given.R, given.origin, probes, ways, situation.R_places[stops], at, back,
-        boxes.R, boxes.p, boxes.half, LIMIT,
+    probe_distances(
+        given.R, given.origin, given.opening, probes, WIDENING, ways,
+        situation.R_places[stops], at, back, boxes.R, boxes.p, boxes.half, LIMIT, SCALE, out, column,
     )  # fmt: skip
-    return SCALE * found.reshape(len(probes), -1)

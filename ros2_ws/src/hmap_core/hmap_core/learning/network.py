@@ -33,7 +33,9 @@ class Network:
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
         """Outputs (K, O) for features (K, F), float32."""
-        x = np.clip((rows - self.mean) * self.scale, -CLIP, CLIP)
+        x = rows - self.mean
+        x *= self.scale
+        np.clip(x, -CLIP, CLIP, out=x)
         for k, (matrix, bias) in enumerate(self.layers):
             x = x @ matrix
             x += bias
@@ -68,6 +70,17 @@ def sigmoid(x: np.ndarray) -> np.ndarray:
     return 0.5 + 0.5 * np.tanh(0.5 * x)
 
 
+def feasible(out: np.ndarray) -> np.ndarray:
+    """Probability (K,) that contacts are feasible, from outputs (K, 3) of the network for contacts."""
+    return sigmoid(out[:, 0]) * sigmoid(out[:, 1])
+
+
+def calibrated(p: np.ndarray, slope: float, offset: float) -> np.ndarray:
+    """Probabilities (K,) with a line through their log-odds, as of :func:`hmap_core.learning.metrics.platt`."""
+    p = np.clip(p, 1e-6, 1.0 - 1e-6)
+    return sigmoid(slope * np.log(p / (1.0 - p)) + offset)
+
+
 @dataclass(frozen=True)
 class ContactModel:
     """What was learned about contacts.
@@ -95,8 +108,7 @@ class ContactModel:
             rows: (K, F) of :func:`hmap_core.learning.features.contact_features`.
         """
         out = self.contact(rows)
-        p = sigmoid(out[:, 0]) * sigmoid(out[:, 1])
-        return self._calibrated(CONTACT, p), sigmoid(out[:, 2])
+        return self._calibrated(CONTACT, feasible(out)), sigmoid(out[:, 2])
 
     def serves(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """As :meth:`feasible`, for manipulators: that they serve more than a few poses, and how far.
@@ -108,9 +120,7 @@ class ContactModel:
         return self._calibrated(HOLD, sigmoid(out[:, 0])), sigmoid(out[:, 1])
 
     def _calibrated(self, name: str, p: np.ndarray) -> np.ndarray:
-        slope, offset = self.calibration.get(name, (1.0, 0.0))
-        p = np.clip(p, 1e-6, 1.0 - 1e-6)
-        return sigmoid(slope * np.log(p / (1.0 - p)) + offset)
+        return calibrated(p, *self.calibration.get(name, (1.0, 0.0)))
 
 
 def model_of(tensors: Mapping[str, np.ndarray], about: Mapping[str, Any]) -> ContactModel:

@@ -13,10 +13,22 @@ from torch import nn
 
 from hmap_core.exceptions import InputError
 from hmap_core.learning import weights
-from hmap_core.learning.examples import Contacts, Holds, family_weights, load_all
+from hmap_core.learning.baselines import Scorer
+from hmap_core.learning.examples import Contacts, Holds, family_weights, load_all, thinned
 from hmap_core.learning.families import ARMS, FAMILIES
 from hmap_core.learning.metrics import conformal_checks, first_hits, platt
-from hmap_core.learning.network import CLIP, CONTACT, HOLD, ContactModel, Network, model_of, sigmoid
+from hmap_core.learning.network import (
+    CLIP,
+    CONTACT,
+    HOLD,
+    OUTPUTS,
+    ContactModel,
+    Network,
+    calibrated,
+    feasible,
+    model_of,
+    sigmoid,
+)
 
 DEFAULTS = Path(__file__).with_name("training.toml")
 LEAST_SPREAD = 1e-3  # of a feature; smaller ones are not scaled up
@@ -37,6 +49,7 @@ class TrainingConfig:
     rate: float = 0.002
     decay: float = 0.3
     hold_decay: float = 1.5
+    kept: float = 1.0
     without: tuple[str, ...] = ()
 
     @staticmethod
@@ -88,6 +101,8 @@ def _value(path: Path, key: str, value: Any, like: Any) -> Any:
         raise InputError(f"{path}: {key} is {value!r}; a list of {'names' if element is str else 'widths'} is needed")
     number = isinstance(value, (int, float)) and not isinstance(value, bool)
     least = 0 if key in ("seed", "decay", "hold_decay") else 1 if isinstance(like, int) else 1e-9
+    if key == "kept" and number and value > 1:
+        raise InputError(f"{path}: kept is {value!r}; a share of at most 1 is needed")
     if not number or value < least or (isinstance(like, int) and not isinstance(value, int)):
         raise InputError(f"{path}: {key} is {value!r}; a number of at least {least:g} is needed")
     return type(like)(value)
@@ -122,19 +137,15 @@ def train(
         checkpoint: written after every epoch, and gone on from if it exists.
         time_limit: s of wall-clock time for both networks; then it ends with the next epoch.
     """
-    torch.manual_seed(config.seed)
-    torch.use_deterministic_algorithms(True)
-    torch.set_num_threads(1)  # the networks are so small that threads only wait for each other
+    _begin(config)
     contacts, holds = load_all(folders, "train", config.families)
+    contacts = thinned(contacts, config.kept, config.seed)
     ends = time.monotonic() + time_limit
     state = _Checkpoint(checkpoint, config)
     report = on_epoch or (lambda *a: None)
-    own = _fit(
-        CONTACT, contacts.features, _contact_loss(contacts), family_weights(contacts.family), config.hidden, 3,
-        config.epochs, config.batch, config.decay, config, state, report, ends,
-    )  # fmt: skip
+    own = _fit_contacts(contacts, config, state, report, ends)
     held = _fit(
-        HOLD, holds.features, _hold_loss(holds), family_weights(holds.family), config.hold_hidden, 2,
+        HOLD, holds.features, _hold_loss(holds), family_weights(holds.family), config.hold_hidden, OUTPUTS[HOLD],
         config.hold_epochs, config.hold_batch, config.hold_decay, config, state, report,
         ends + 0.3 * min(time_limit, 1e6),
     )  # fmt: skip
@@ -147,17 +158,49 @@ def train(
     return Trained(model_of(tensors, about), tensors, about)
 
 
+def contact_scorer(train: Contacts, validation: Contacts, config: TrainingConfig, report: OnEpoch) -> Scorer:
+    """Train the network for contacts alone; what gives the probability (N,) that contacts are feasible.
+
+    Args:
+        train: what it is trained on.
+        validation: what it is calibrated on.
+        config: how.
+        report: called after every epoch.
+    """
+    _begin(config)
+    network = Network.of(_fit_contacts(train, config, _Checkpoint(None, config), report, float("inf")), CONTACT)
+    validation = validation[validation.known]
+    line = platt(validation.feasible, feasible(network(validation.features)))
+    return lambda contacts: calibrated(feasible(network(contacts.features)), *line)
+
+
 def calibrate(contact: Network, hold: Network, contacts: Contacts, holds: Holds) -> dict[str, Any]:
     """Calibration and number of checks, on data that the networks were not trained on."""
     contacts = contacts[contacts.known]
-    out = contact(contacts.features)
-    p = sigmoid(out[:, 0]) * sigmoid(out[:, 1])
+    p = feasible(contact(contacts.features))
     held = sigmoid(hold(holds.features)[:, 0])
     hits = first_hits(contacts.query, contacts.feasible, p)
     return {
         "calibration": {CONTACT: platt(contacts.feasible, p), HOLD: platt(holds.serves.astype(float), held)},
         "checks": conformal_checks(np.array(list(hits.values()))),
     }
+
+
+def _begin(config: TrainingConfig) -> None:
+    """Make what torch does the same in every run."""
+    torch.manual_seed(config.seed)
+    torch.use_deterministic_algorithms(True)
+    torch.set_num_threads(1)  # the networks are so small that threads only wait for each other
+
+
+def _fit_contacts(
+    contacts: Contacts, config: TrainingConfig, state: "_Checkpoint", report: OnEpoch, ends: float
+) -> dict[str, np.ndarray]:
+    """Train the network for contacts; its tensors."""
+    return _fit(
+        CONTACT, contacts.features, _contact_loss(contacts), family_weights(contacts.family), config.hidden,
+        OUTPUTS[CONTACT], config.epochs, config.batch, config.decay, config, state, report, ends,
+    )  # fmt: skip
 
 
 def _contact_loss(contacts: Contacts) -> tuple[np.ndarray, Callable]:
