@@ -3,7 +3,7 @@
 # make fuzz   more random faults in everything that comes from outside
 # make lint   checks style (ruff) and types (mypy)
 # make bench  measures the optimiser against RAI's, which it installs (needs the system's liblapack3)
-# make bench-peers  compares methods built on RAI with hmap's, in an environment of their own
+# make bench-peers  compares planners of others, RAI's and HPP's, with hmap's, in environments of their own
 # make bench-startup  measures how long the command and the graph of nodes take to start
 # make setup  only sets up: .venv, with the command .venv/bin/hmap
 #
@@ -42,13 +42,9 @@ bench: setup
 	$(PIP) install --quiet --no-deps robotic==0.4.2
 	$(VENV)/bin/hmap bench komo $(BENCH_ARGS)
 
-# RAI's planners beside hmap's, in an environment of their own, which sees that of hmap.
+# RAI's and HPP's planners beside hmap's, in environments of their own; what cannot be installed is left out.
 bench-peers: setup
-	test -x .venv-peers/bin/python || $(PYTHON) -m venv .venv-peers
-	$(VENV)/bin/python -c "import site; print(site.getsitepackages()[0])" \
-		> $$(.venv-peers/bin/python -c "import site; print(site.getsitepackages()[0])")/hmap_peers.pth
-	.venv-peers/bin/pip install --quiet --no-deps robotic==0.4.2
-	.venv-peers/bin/python -m hmap_core bench table --planners hmap komo rai_komo lgp_star rai_lgp_star --out peers $(BENCH_ARGS)
+	tools/bench_peers.sh $(VENV) $(PYTHON) $(BENCH_ARGS)
 
 bench-startup: setup
 	$(VENV)/bin/hmap bench startup $(BENCH_ARGS)
@@ -89,6 +85,6 @@ lock:
 	rm -rf .venv-lock
 
 clean:
-	rm -rf $(VENV) .venv-lock .venv-peers ros2_ws/build ros2_ws/install ros2_ws/log
+	rm -rf $(VENV) .venv-lock .venv-peers .venv-hpp ros2_ws/build ros2_ws/install ros2_ws/log
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 	find . -name '*.egg-info' -type d -prune -exec rm -rf {} +

@@ -1,31 +1,33 @@
 """``hmap bench table``: statistics, a log that survives a kill, the files, Dask, and a row of one's own."""
 
-import csv
-import io
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import threading
+import time
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import binomtest, bootstrap
+from scipy.stats import bootstrap
 
 from hmap_core.cli import main
 from hmap_core.cli.bench_table import planner_names
+from hmap_core.evaluation import cluster as clusters
 from hmap_core.evaluation import isolated, trials
 from hmap_core.evaluation.table import report
 from hmap_core.evaluation.table.log import TRIALS, TrialLog, key_of
 from hmap_core.evaluation.table.statistics import Cell, Verdict, compare, holm, success_interval
 from hmap_core.evaluation.table.table import Table, build
 from hmap_core.evaluation.trial import Trial, TrialResult
-from hmap_core.exceptions import InputError
+from hmap_core.exceptions import Code, InputError, PlannerError
 
 EXAMPLE = Path(__file__).resolve().parents[4] / "examples" / "09_own_row"
+PAGE = EXAMPLE.parents[1] / "docs" / "results.md"
 LIMIT = 180.0
 SESSION = {"machine": "m, 2 cores", "jobs": 1, "python": "3.11", "versions": {"scipy": "1"}, "planners": {"a": "x 1"}}
 
@@ -177,40 +179,49 @@ def test_a_log_that_is_none_is_refused(tmp_path, line):
 # --- the files
 
 
-def some_table() -> Table:
-    rng = np.random.default_rng(1)
-    wanted = [trial(seed, planner, task) for task in ("published/t", "u") for seed in range(12) for planner in "abc"]
+def some_table(names: str | tuple[str, ...] = "abc") -> Table:
+    """Twelve seeds of two tasks: the first method solves most of them, the last one none."""
+    rng, odds = np.random.default_rng(1), dict(zip(names, (0.95, 0.3, 0.0), strict=True))
+    wanted = [trial(seed, planner, task) for task in ("published/t", "u") for seed in range(12) for planner in names]
     results = {}
     for t in wanted:
-        ok = bool(rng.random() < {"a": 0.95, "b": 0.3, "c": 0.0}[t.planner])
-        code = "UNKNOWN_TASK" if t.planner == "c" and t.task == "u" else "" if ok else "TIME_LIMIT"
+        ok, refused = bool(rng.random() < odds[t.planner]), t.planner == names[2] and t.task == "u"
+        code = "UNKNOWN_TASK" if refused else "" if ok else "TIME_LIMIT"
         results[key_of(t)] = result(t.seed, ok, float(rng.uniform(0.1, 9.0)), code=code, reason="" if ok else "a, b")
     return build(wanted, results, {"u"})
 
 
-def test_every_statistic_follows_from_the_csv():
-    table = some_table()
+def test_the_ten_lines_of_the_page_give_the_numbers_of_the_table(tmp_path, monkeypatch):
+    """The code of docs/results.md as it stands there, on the CSV of a table."""
+    lines = re.search(r"Every statistic follows.*?```python\n(.*?)```", PAGE.read_text(), re.S).group(1)
+    imports, _, statements = lines.partition("\n\n")
+    assert imports.count("import") == 2 and len(statements.splitlines()) == 10
+    table, told = some_table(("hmap", "komo", "other")), []
+    (tmp_path / "table").mkdir()
+    (tmp_path / "table" / "trials.csv").write_text(report.csv_text(table))
+    monkeypatch.chdir(tmp_path)
+    exec(lines, {"print": lambda *words: told.append(words)})
     document = json.loads(report.json_text(table, [], "c"))
-    rows = list(csv.DictReader(io.StringIO(report.csv_text(table))))
-    for task in ("t", "u"):
-        own = {m: [r for r in rows if (r["task"], r["method"]) == (task, m)] for m in "ab"}
-        a, b = ({int(r["seed"]): r for r in own[m]} for m in "ab")
-        low, high = binomtest(sum(r["solved"] == "1" for r in own["b"]), 12).proportion_ci(method="wilson")
-        of_b = next(c for c in document["cells"] if (c["task"], c["method"]) == (task, "b"))
-        assert of_b["success_interval"] == pytest.approx([low, high])
-        only = [sum(x[s]["solved"] > y[s]["solved"] for s in a) for x, y in ((b, a), (a, b))]
-        known = [s for s in a if "0" in (a[s]["censored"], b[s]["censored"])]
-        ratio = np.median([float(b[s]["time_s"]) / float(a[s]["time_s"]) for s in known])
-        against = next(c for c in document["comparisons"] if (c["task"], c["method"]) == (task, "b"))
-        assert [against["only_method"], against["only_reference"]] == only
-        assert against["p"] == pytest.approx(binomtest(only[0], sum(only)).pvalue)
+    *by_task, (order, corrected) = told
+    assert [words[0] for words in by_task] == ["t", "u"] and sorted(order) == ["t", "u"]
+    for task, wilson, median, ratio, ends, p in by_task:
+        cell, against = (
+            next(c for c in document[kind] if (c["task"], c["method"]) == (task, "komo"))
+            for kind in ("cells", "comparisons")
+        )
+        assert cell["success_interval"] == pytest.approx(list(wilson))
+        assert (cell["median_s"], cell["median_is_bound"]) == ((LIMIT, True) if np.isinf(median) else (median, False))
+        assert against["p"] == pytest.approx(p)
+        assert against["p_holm"] == pytest.approx(corrected[order.index(task)])
         assert against["time_ratio"] == pytest.approx(ratio, rel=1e-5)
+        assert against["time_ratio_interval"] == pytest.approx(list(ends.confidence_interval), rel=1e-5)
 
 
 def test_markdown_and_latex_name_all_and_say_what_a_method_cannot_state():
     table = some_table()
     page = report.markdown(table, [SESSION | {"seconds": 9.0}], "hmap bench table --out x")
-    assert page.count("cannot state the task") == 2  # of c on u, in both tables
+    assert page.count("cannot state the task") == 3  # of c on u, in both tables, and the heading of the reasons
+    assert page.count("- `c` on `u`: a, b\n") == 1
     assert "m, 2 cores" in page and "took 9 s in 1 run." in page and "`hmap bench table --out x`" in page
     lines = page.splitlines()
     assert len([line for line in lines if line.startswith("| t |")]) == 3
@@ -221,7 +232,7 @@ def test_markdown_and_latex_name_all_and_say_what_a_method_cannot_state():
 def test_the_command_writes_all_files_and_resumes(tmp_path, monkeypatch, capsys):
     asked = []
 
-    def stand_in(wanted, jobs, dask, on_result):
+    def stand_in(wanted, jobs, dask, on_result, on_machines):
         asked.append([(t.seed, t.planner) for t in wanted])
         for k, t in enumerate(wanted):
             if len(asked) == 1 and k == 3:
@@ -255,41 +266,85 @@ for line in sys.stdin:
     seed = json.loads(line)["seed"]
     if seed == 5:
         os.abort()
-    time.sleep(0.5)
+    time.sleep(0.3)
     print(json.dumps({"seed": seed, "valid": True, "solved": True}), flush=True)
 """
 
 
-@pytest.mark.slow
-def test_trials_survive_the_death_of_a_dask_worker(tmp_path):
-    """Two workers, eight trials; one worker is killed in the middle, and its trial is done by the other one."""
+@pytest.fixture(scope="module")
+def cluster():
+    """A scheduler and two workers on this machine."""
     from distributed import LocalCluster
 
-    wanted = [trial(seed) for seed in range(8)]
-    log = TrialLog(tmp_path)
-    first = threading.Event()
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as own:
+        yield own
 
-    def finished(t: Trial, r: TrialResult) -> None:
-        log.add(t, r)
-        first.set()
 
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
-        victim = next(iter(cluster.workers.values()))
+def lines_of(folder: Path) -> list[dict]:
+    path = folder / TRIALS
+    return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
 
-        def kill() -> None:
-            assert first.wait(60.0)
-            os.kill(victim.pid, signal.SIGKILL)
 
-        killer = threading.Thread(target=kill)
-        killer.start()
-        with log.opened(SESSION, wanted):
-            found = trials.run_trials(
-                wanted, dask=cluster.scheduler_address, on_result=finished, command=(sys.executable, "-c", SLOW)
-            )
-        killer.join()
-    assert [(r.seed, r.solved) for r in found] == [(seed, seed != 5) for seed in range(8)]
-    assert "SIGABRT" in found[5].reason
-    assert len((tmp_path / TRIALS).read_text().splitlines()) == 8
+@pytest.mark.slow
+def test_the_command_on_a_dask_cluster_survives_the_death_of_a_worker(cluster, tmp_path, capsys):
+    """Two workers, eight trials of the planner; one worker is killed in the middle, and all eight are there."""
+    victim, killed_at, ended = next(iter(cluster.workers.values())).pid, [], threading.Event()
+
+    def kill() -> None:
+        while not lines_of(tmp_path) and not ended.is_set():
+            time.sleep(0.01)
+        os.kill(victim, signal.SIGKILL)
+        killed_at.append(len(lines_of(tmp_path)))
+
+    options = ["--tasks", "tunnel", "--planners", "hmap", "--seeds", "8", "--out", str(tmp_path)]
+    on_cluster = ["bench", "table", *options, "--dask", cluster.scheduler_address]
+    killer = threading.Thread(target=kill)
+    killer.start()
+    code = main(on_cluster)
+    ended.set()
+    killer.join()
+    assert code == 0
+    assert 1 <= killed_at[0] < 8
+    done = [(line["trial"]["seed"], line["result"]["solved"]) for line in lines_of(tmp_path)]
+    assert sorted(done) == [(seed, True) for seed in range(8)]
+    assert "| hmap | 8/8 |" in capsys.readouterr().out
+    session = lines_of(tmp_path)[-1]["session"]
+    assert session["jobs"] == cluster.scheduler_address and "cores" in session["machine"]
+    on_cluster[-1] = "tcp://127.0.0.1:1"  # nothing is left to do: no cluster is needed
+    assert main(on_cluster) == 0 and len(lines_of(tmp_path)) == 8
+
+
+@pytest.mark.slow
+def test_a_trial_that_crashes_on_a_dask_worker_is_a_failure_of_itself_alone(cluster):
+    wanted, command = [trial(seed, "hmap") for seed in range(4, 8)], (sys.executable, "-c", SLOW)
+    found = trials.run_trials(wanted, dask=cluster.scheduler_address, command=command)
+    assert [(r.seed, r.solved) for r in found] == [(4, True), (5, False), (6, True), (7, True)]
+    assert "SIGABRT" in found[1].reason
+
+
+@pytest.mark.slow
+def test_a_cluster_without_the_method_or_without_workers_is_refused_before_the_first_trial(cluster, monkeypatch):
+    from distributed import LocalCluster
+
+    with pytest.raises(InputError, match="worker tcp://.*unknown planner 'mine'.*on all hosts"):
+        trials.run_trials([trial(0, "mine")], dask=cluster.scheduler_address)
+    monkeypatch.setattr(clusters, "__version__", "0.0.0")
+    with pytest.raises(InputError, match=r"has hmap_core .*, not 0\.0\.0; install the same version"):
+        trials.run_trials([trial(0, "hmap")], dask=cluster.scheduler_address)
+    monkeypatch.setattr(clusters, "WORKER_TIMEOUT", 0.5)
+    with LocalCluster(n_workers=0, dashboard_address=None) as empty:
+        with pytest.raises(InputError, match="has no workers; start some"):
+            trials.run_trials([trial(0, "hmap")], dask=empty.scheduler_address)
+
+
+@pytest.mark.slow
+def test_a_cluster_that_is_lost_ends_the_command_with_what_to_do(cluster):
+    from distributed.comm import CommClosedError
+
+    with pytest.raises(PlannerError, match="was lost.*the same command resumes") as error:
+        with clusters.backend(cluster.scheduler_address):
+            raise CommClosedError("the scheduler is gone")
+    assert error.value.code is Code.SERVICE_UNAVAILABLE
 
 
 # --- a row of one's own

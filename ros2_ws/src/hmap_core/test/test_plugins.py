@@ -50,7 +50,7 @@ def test_the_parts_of_hmap_are_found_by_name(group, name, kind):
     assert isinstance(plugins.create(group, name), kind)
 
 
-OF_PEERS = ("rai_komo", "rai_lgp_star")  # need RAI, which has an environment of its own
+OF_PEERS = ("rai_komo", "rai_lgp_star", "hpp_manipulation")  # need RAI or HPP, which have environments of their own
 
 
 def test_every_listed_part_implements_its_protocol(foreign):

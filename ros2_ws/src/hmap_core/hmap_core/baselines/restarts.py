@@ -28,6 +28,7 @@ class Job:
         rng: the only source of randomness.
         deadline: ``time.monotonic()`` after which nothing new is begun.
         counts: ``restarts``, and ``claims``: the plans that the method itself took for solutions.
+        failure: why the last restart that raised an error had no motions.
     """
 
     name: str
@@ -39,13 +40,15 @@ class Job:
     cancel: Cancel
     began: float
     counts: dict[str, int] = field(default_factory=lambda: {"restarts": 0, "claims": 0})
+    failure: str = ""
 
     def check_time(self) -> None:
         """Raise PlannerError, CANCELED or TIME_LIMIT, if the job has to end."""
         if self.cancel():
             raise PlannerError("canceled", Code.CANCELED)
         if time.monotonic() > self.deadline:
-            raise PlannerError(f"{self.name} found no plan in time, in {self.counts['restarts']} restarts")
+            why = f"; last: {self.failure}" if self.failure else ""
+            raise PlannerError(f"{self.name} found no plan in time, in {self.counts['restarts']} restarts{why}")
 
     def plan(self, attempt: Callable[[], list[SubTrajectory] | None]) -> Plan:
         """Restart until the judge accepts a plan.
@@ -79,7 +82,8 @@ class Job:
         self.counts["restarts"] += 1
         try:
             return attempt()
-        except MotionError:
+        except MotionError as error:
+            self.failure = error.reason
             return None
 
     def _claimed(self, motions: list[SubTrajectory]) -> Plan:

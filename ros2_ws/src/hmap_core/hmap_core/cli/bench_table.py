@@ -61,7 +61,13 @@ def run(arguments: argparse.Namespace) -> int:
             log.add(trial, result)
             progress(trial, result)
 
-        trials.run_trials(left, jobs, arguments.dask, finished)
+        trials.run_trials(
+            left,
+            jobs,
+            arguments.dask,
+            finished,
+            on_machines=lambda machines: log.describe(machine=" + ".join(machines)),
+        )
     sessions = [session for session in log.sessions if session["seconds"] > 0.0]
     table = build(wanted, log.results, executed_tasks(tasks))
     command = command_of(arguments)

@@ -1,15 +1,15 @@
 """Runs many trials in parallel with joblib: in processes on this machine, or on a Dask cluster."""
 
-import contextlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 from hmap_core.deadline import DEFAULT_TIME_LIMIT
+from hmap_core.evaluation.cluster import OnMachines, backend
 from hmap_core.evaluation.isolated import COMMAND, run_isolated
 from hmap_core.evaluation.trial import PUBLISHED, Trial, TrialResult, is_path
 from hmap_core.exceptions import Code, InputError
+from hmap_core.planner import plugins
 
 EXECUTION_TIMEOUT = 900.0  # s for loading, judging and executing a trial
-CONNECTION_TIMEOUT = 20.0  # s for a Dask scheduler to respond
 
 OnResult = Callable[[Trial, TrialResult], None]
 
@@ -20,6 +20,7 @@ def run_trials(
     dask: str | None = None,
     on_result: OnResult | None = None,
     command: Sequence[str] = COMMAND,
+    on_machines: OnMachines | None = None,
 ) -> list[TrialResult]:
     """Runs trials. Each runs in a single-threaded process and depends on its seed only.
 
@@ -29,17 +30,23 @@ def run_trials(
         dask: address of a Dask scheduler whose workers run the trials; None for this machine.
         on_result: called after each trial, in the order of completion.
         command: the worker process; see :class:`hmap_core.evaluation.isolated.Worker`.
+        on_machines: called with the machines of a Dask cluster before its first trial.
 
     Returns:
         The results, in the order of the trials.
 
     Raises:
-        InputError: Dask is not installed, or its scheduler does not respond.
+        InputError: Dask is not installed, its scheduler does not respond, or a worker cannot run the trials.
+        PlannerError: SERVICE_UNAVAILABLE; the Dask cluster was lost.
     """
+    if not trials:
+        return []
     from joblib import Parallel, delayed  # slow to import, and needed by benchmarks only
 
     results: dict[int, TrialResult] = {}
-    with backend(dask):
+    used = {(plugins.PLANNERS, trial.planner) for trial in trials}
+    used |= {(plugins.CONTACT_PROPOSERS, trial.proposer) for trial in trials if trial.proposer}
+    with backend(dask, sorted(used), on_machines):
         parallel = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
         for k, result in parallel(delayed(_numbered)(k, trial, command) for k, trial in enumerate(trials)):
             results[k] = result
@@ -85,27 +92,3 @@ def trial_timeout(trial: Trial) -> float:
 
 def _numbered(k: int, trial: Trial, command: Sequence[str]) -> tuple[int, TrialResult]:
     return k, run_isolated(trial, trial_timeout(trial), command)
-
-
-@contextlib.contextmanager
-def backend(address: str | None) -> Iterator[None]:
-    """Selects a Dask cluster as joblib's backend if an address is given.
-
-    Raises:
-        InputError: Dask is not installed, or its scheduler does not respond.
-    """
-    if address is None:
-        yield
-        return
-    try:
-        from distributed import Client
-    except ImportError as error:
-        raise InputError("--dask needs Dask, which is not here: pip install 'dask[distributed]'") from error
-    from joblib import parallel_config
-
-    try:
-        client = Client(address, timeout=CONNECTION_TIMEOUT)
-    except (OSError, ValueError) as error:
-        raise InputError(f"no Dask scheduler answers at '{address}': {error}") from error
-    with client, parallel_config(backend="dask", client=client):
-        yield

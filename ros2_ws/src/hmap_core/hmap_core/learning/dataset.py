@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from hmap_core.evaluation.trials import backend
+from hmap_core.evaluation.cluster import backend
 from hmap_core.exceptions import InputError
 from hmap_core.learning import card, schema
 from hmap_core.learning.families import FAMILIES

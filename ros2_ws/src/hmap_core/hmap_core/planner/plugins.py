@@ -45,6 +45,7 @@ _BUILT_IN = {
         "birrt": "hmap_core.baselines.birrt:BirrtPlanner",
         "komo": "hmap_core.baselines.komo.planner:Komo",
         "lgp_star": "hmap_core.baselines.lgp_star.planner:LgpStar",
+        "hpp_manipulation": "hmap_core.benchmark.hpp_planner:HppManipulation",
         "rai_komo": "hmap_core.benchmark.rai_planner:RaiKomo",
         "rai_lgp_star": "hmap_core.benchmark.rai_planner:RaiLgpStar",
         "cmgmp": "hmap_core.baselines.cmgmp:CmgmpPlanner",

@@ -87,6 +87,10 @@ class TrialLog:
         os.fsync(self._stream.fileno())
         self.results[key_of(trial)] = result
 
+    def describe(self, **more: Any) -> None:
+        """Add to the description of this run what is known only later."""
+        self.sessions[-1].update(more)
+
     def _read(self, stream: IO[bytes]) -> None:
         """Read all whole lines; a last one that a kill cut off is removed, and its trial run again."""
         stream.seek(0)

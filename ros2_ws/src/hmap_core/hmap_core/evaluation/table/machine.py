@@ -14,18 +14,23 @@ PACKAGES = ("numpy", "scipy", "numba", "coal", "ompl", "pybullet")  # whose vers
 CPU_INFO = Path("/proc/cpuinfo")
 
 
+def describe() -> str:
+    """This machine, as text."""
+    return f"{_processor()}, {os.cpu_count()} cores, {platform.system()} {platform.release()}"
+
+
 def session(planners: Sequence[str], jobs: int, dask: str | None) -> dict[str, Any]:
     """Describe a run, as plain JSON types.
 
     Args:
         planners: names of the methods.
         jobs: number of trials at once; -1 for one on each core.
-        dask: address of the scheduler, if there is one.
+        dask: address of the scheduler, if there is one; its workers' machines are not known yet.
     """
     known = plugins.plugins(plugins.PLANNERS)
     origins = {name: known[name.partition(":")[0]] for name in planners}
     return {
-        "machine": f"{_processor()}, {os.cpu_count()} cores, {platform.system()} {platform.release()}",
+        "machine": describe(),
         "jobs": dask or (os.cpu_count() if jobs < 0 else jobs),
         "python": platform.python_version(),
         "versions": {"hmap_core": __version__} | {name: _version(name) for name in PACKAGES},

@@ -43,6 +43,7 @@ def markdown(table: Table, sessions: Sequence[dict[str, Any]], command: str) -> 
         f"tasks and counts below {LEVEL:g}. Intervals are Wilson's, at {CONFIDENCE:.0%}. The time ratio is the median "
         f"of the paired ratios to `{reference}`, with a bootstrap interval from {MIN_PAIRS} pairs on. Times of "
         "failures are censored at the time limit: `>` marks a median, `>=` and `<=` a ratio that is only a bound.",
+        *_not_stated(table),
         *_provenance(sessions, command),
     ]
     return "\n".join([*markdown_table(matrix(table)), "", *markdown_table(rows), "", *notes]) + "\n"
@@ -93,6 +94,16 @@ def _ratio(comparison: Comparison) -> str:
         return f"{bound}{comparison.ratio:.2g} (too few runs to tell)"
     low, high = comparison.ratio_interval
     return f"{bound}{comparison.ratio:.2g} ({low:.2g}-{high:.2g})"
+
+
+def _not_stated(table: Table) -> list[str]:
+    """Which methods cannot state which tasks, and why."""
+    reasons = [
+        f"- `{cell.planner}` on `{cell.task}`: {' '.join(cell.results[0].reason.split())}"
+        for cell in table.cells.values()
+        if not cell.stated
+    ]
+    return ["", f"Where it says *{NOT_STATED}*, the reason of the method:", "", *reasons] if reasons else []
 
 
 def _provenance(sessions: Sequence[dict[str, Any]], command: str) -> list[str]:
