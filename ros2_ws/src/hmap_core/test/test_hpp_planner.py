@@ -119,12 +119,17 @@ def test_the_parts_of_a_path_become_motions_to_a_contact_with_the_object_and_awa
 
 
 @pytest.mark.parametrize(
-    "program", ["import sys; sys.exit('no library')", "print('{\"solved\": false}')", "import time; time.sleep(60)"]
+    ("program", "why"),
+    [
+        ("import sys; sys.exit('no library')", "last: HPP ended without an answer: no library"),
+        ("""print('{"solved": false, "reason": "no path"}')""", "last: HPP: no path"),
+        ("import time; time.sleep(60)", "no plan in time"),
+    ],
 )
-def test_a_process_that_fails_or_hangs_ends_with_the_time(stand_in, program):
+def test_a_process_that_fails_or_hangs_ends_with_the_time(stand_in, program, why):
     stand_in(program)
-    with pytest.raises(PlannerError, match="no plan in time") as error:
-        HppManipulation().plan(load_scene(TASK, 0), time_limit=2.0)
+    with pytest.raises(PlannerError, match=why) as error:
+        HppManipulation().plan(load_scene(TASK, 0), time_limit=4.0)
     assert error.value.code is Code.TIME_LIMIT
 
 
