@@ -107,16 +107,16 @@ def configuration(robot: Device, task: dict, key: str) -> np.ndarray:
     q = robot.currentConfiguration().copy()
     model = robot.model()
 
-    def put(joint: str, values: list[float]) -> None:
+    def set_joint(joint: str, values: list[float]) -> None:
         first = model.joints[model.getJointId(joint)].idx_q
         q[first : first + len(values)] = values
 
     for k, value in enumerate(task["q"]):
-        put(f"arm/panda_joint{k + 1}", [value])
+        set_joint(f"arm/panda_joint{k + 1}", [value])
     for k in (1, 2):
-        put(f"arm/panda_finger_joint{k}", [task["opening"] / 2.0])
+        set_joint(f"arm/panda_finger_joint{k}", [task["opening"] / 2.0])
     for name, body in task["objects"].items():
-        put(f"{name}/root_joint", body[key])
+        set_joint(f"{name}/root_joint", body[key])
     return q
 
 
