@@ -77,6 +77,13 @@ def poses(name: str, values: Any, count: int | None = None) -> np.ndarray:
     return array
 
 
+def sound_pose(values: Sequence[float]) -> bool:
+    """Whether seven numbers are a pose; a plan has hundreds of them, and :func:`poses` takes ten times as long."""
+    x, y, z, qx, qy, qz, qw = values
+    norm = math.sqrt(qx * qx + qy * qy + qz * qz + qw * qw)
+    return abs(norm - 1.0) <= UNIT_TOLERANCE and math.isfinite(x) and math.isfinite(y) and math.isfinite(z)
+
+
 def one_of(name: str, value: str, allowed: Sequence[str]) -> str:
     """Check for one of the allowed texts; returns it as plain text.
 

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
+from geometry_msgs.msg import Point, Pose, Vector3
 
-from hmap_msgs_py.checks import finite, poses, unit
+from hmap_msgs_py.checks import finite, poses, sound_pose, unit
 
 
 def pose_to_message(pose: np.ndarray, name: str = "pose") -> Pose:
@@ -14,8 +14,11 @@ def pose_to_message(pose: np.ndarray, name: str = "pose") -> Pose:
     Raises:
         PoseError: the pose is malformed.
     """
-    x, y, z, qx, qy, qz, qw = poses(name, [pose], 1)[0].tolist()
-    return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
+    if isinstance(pose, np.ndarray) and pose.shape == (7,) and pose.dtype == np.float64:
+        numbers = pose.tolist()
+        if sound_pose(numbers):
+            return _message(numbers)
+    return _message(poses(name, [pose], 1)[0].tolist())
 
 
 def pose_from_message(message: Pose, name: str = "pose") -> np.ndarray:
@@ -24,8 +27,8 @@ def pose_from_message(message: Pose, name: str = "pose") -> np.ndarray:
     Raises:
         PoseError: the pose is malformed.
     """
-    p, q = message.position, message.orientation
-    return poses(name, [[p.x, p.y, p.z, q.x, q.y, q.z, q.w]], 1)[0]
+    numbers = _numbers(message)
+    return np.array(numbers, np.float64) if sound_pose(numbers) else poses(name, [numbers], 1)[0]
 
 
 def poses_to_messages(values: np.ndarray, name: str = "poses") -> list[Pose]:
@@ -35,7 +38,7 @@ def poses_to_messages(values: np.ndarray, name: str = "poses") -> list[Pose]:
         PoseError: a pose is malformed.
     """
     checked = poses(name, np.reshape(values, (-1, 7)) if np.size(values) == 0 else values)
-    return [pose_to_message(pose, name) for pose in checked]
+    return [_message(numbers) for numbers in checked.tolist()]
 
 
 def poses_from_messages(messages: Sequence[Pose], name: str = "poses") -> np.ndarray:
@@ -45,6 +48,18 @@ def poses_from_messages(messages: Sequence[Pose], name: str = "poses") -> np.nda
         PoseError: a pose is malformed.
     """
     return np.array([pose_from_message(m, f"{name}[{i}]") for i, m in enumerate(messages)]).reshape(-1, 7)
+
+
+def _message(numbers: Sequence[float]) -> Pose:
+    message = Pose()  # its parts as arguments would be made twice
+    p, q = message.position, message.orientation
+    p.x, p.y, p.z, q.x, q.y, q.z, q.w = numbers
+    return message
+
+
+def _numbers(message: Pose) -> list[float]:
+    p, q = message.position, message.orientation
+    return [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
 
 
 def point_to_message(point: np.ndarray, name: str = "point") -> Point:

@@ -1,6 +1,6 @@
 """Reads the SROS2 policy of the nodes, and what nodes of a running graph offer and take, in the same terms."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
 from xml.etree import ElementTree
@@ -66,19 +66,19 @@ def endpoints(node, names: list[str]) -> Endpoints:
 
 def not_allowed(allowed: Endpoints, done: Endpoints) -> list[str]:
     """What is done without being allowed."""
-    return sorted(
-        f"{way} {name}"
-        for way, names in done.items()
-        for name in names
-        if not any(fnmatchcase(name, pattern) for pattern in allowed[way])
-    )
+    return _unmatched(done, allowed, fnmatchcase)
 
 
 def unused(allowed: Endpoints, done: Endpoints) -> list[str]:
     """What is allowed without being done."""
+    return _unmatched(allowed, done, lambda pattern, name: fnmatchcase(name, pattern))
+
+
+def _unmatched(these: Endpoints, those: Endpoints, fit: Callable[[str, str], bool]) -> list[str]:
+    """The entries of one side that fit none of the other side."""
     return sorted(
-        f"{way} {pattern}"
-        for way, patterns in allowed.items()
-        for pattern in patterns
-        if not any(fnmatchcase(name, pattern) for name in done[way])
+        f"{way} {entry}"
+        for way, entries in these.items()
+        for entry in entries
+        if not any(fit(entry, other) for other in those[way])
     )

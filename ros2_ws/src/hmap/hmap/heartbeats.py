@@ -22,9 +22,12 @@ from std_msgs.msg import Empty
 from hmap.spinning import watch
 
 LEASE = 2.0  # s without a sign of life after which a node counts as dead
-MOTION_LEASE = 0.3  # s, of the supervisor: motions stop within 0.5 s of its death; each node gives signs more often
+MOTION_LEASE = 0.2  # s, of the supervisor: motions stop within 0.5 s of its death, with CONFIRM and braking
 CONFIRM = 0.1  # s in which a sign of life may still come that a busy process has not read yet
-SETTLED = 3.0 * MOTION_LEASE  # s after which a node that was seen to live, or not to, is believed to
+# s that a node promises; the middleware gives signs after two thirds of it. Several of the supervisor's can be late
+# before its motions stop. Each sign of a node wakes the processes of all others, so the rest give few.
+SUPERVISOR_PROMISE, PROMISE = 0.09, 1.0
+SETTLED = 0.9  # s after which a node that was seen to live, or not to, is believed to
 YOUNG = 10.0  # s after its start in which a node looks for another one that was there before
 PROBE, LONGEST_PROBE = 1.5, 20.0  # s to look for a node that runs already: where processors are free, and at most
 
@@ -41,7 +44,8 @@ def offer_heartbeat(node: Node, role: str) -> Publisher:
         node: that lives.
         role: its name where it is not renamed, such as ``komo_optimiser``.
     """
-    return node.create_publisher(Empty, heartbeat_topic(role), _quality(MOTION_LEASE))
+    promise = SUPERVISOR_PROMISE if role == "supervisor" else PROMISE
+    return node.create_publisher(Empty, heartbeat_topic(role), _quality(promise))
 
 
 class Heartbeat:
@@ -68,7 +72,7 @@ class Heartbeat:
             role: of the watched nodes.
             group: of the callbacks.
             on_loss: called in a thread of its own when the last of them has died or ended, and CONFIRM has passed.
-            lease: s without a sign of life after which one counts as dead, MOTION_LEASE or more.
+            lease: s without a sign of life after which one counts as dead; the role's promise or more.
         """
         self.role, self.alive, self.lost = role, 0, False
         self.since: float | None = None

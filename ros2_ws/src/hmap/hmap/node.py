@@ -25,7 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 from hmap.environment import LAUNCHER, ros_environment
 from hmap.heartbeats import offer_heartbeat
 from hmap.problem_log import ProblemLog
-from hmap.spinning import MessageExecutor, Spinner, WorkExecutor
+from hmap.spinning import MessageExecutor, Spinner, WorkExecutor, clock_executor
 from hmap_core.compile_cache import ensure_compiled
 from hmap_core.exceptions import HmapError
 from hmap_core.garbage import collect_rarely
@@ -84,6 +84,7 @@ class HmapNode(Node):
         self.stopping = threading.Event()
         self.failure: HmapError | None = None
         self.spinner: Spinner | None = None
+        self._clock_spinner: Spinner | None = None
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._status: tuple[bytes, str, dict[str, Any]] = (DiagnosticStatus.OK, STARTING, {})
         self._diagnostics = self.create_publisher(DiagnosticArray, "diagnostics", 10)
@@ -91,6 +92,21 @@ class HmapNode(Node):
         self._warm_up: WarmUp | None = None
         self._warms_up = self.plans and self.parameter("warm_up", False, WARM_UP)
         self.every(DIAGNOSTICS_PERIOD, self._publish_diagnostics)
+
+    def start_spinning(self) -> None:
+        """Run callbacks in threads from now on."""
+        clock = clock_executor(self)
+        if clock is not None:
+            self._clock_spinner = Spinner(clock, self.callback_failed)
+        executor = WorkExecutor(THREADS) if self.waits else MessageExecutor()
+        executor.add_node(self)
+        self.spinner = Spinner(executor, self.callback_failed)
+
+    def stop_spinning(self) -> None:
+        """Wait for running callbacks, and run no more."""
+        for spinner in (self.spinner, self._clock_spinner):
+            if spinner is not None:
+                spinner.stop()
 
     def started(self) -> None:
         """Set the status "running", unless the node has set another one."""
@@ -314,9 +330,7 @@ def run_nodes(make_nodes: Callable[[], Sequence[HmapNode]], plans: bool, args: l
         rclpy.shutdown()
         return NO
     for node in nodes:
-        executor = WorkExecutor(THREADS) if node.waits else MessageExecutor()
-        executor.add_node(node)
-        node.spinner = Spinner(executor, node.callback_failed)
+        node.start_spinning()
     for node in nodes:
         node.started()
     while not stop.wait(LOOK_PERIOD) and not launcher_died() and not any(node.failure for node in nodes):
@@ -325,11 +339,10 @@ def run_nodes(make_nodes: Callable[[], Sequence[HmapNode]], plans: bool, args: l
     for node in nodes:
         node.close()
     for node in nodes:
-        if node.spinner is not None:
-            node.spinner.stop()
+        node.stop_spinning()
     for node in nodes:
         node.destroy_node()
-    del nodes, node, executor
+    del nodes, node
     gc.collect()  # what refers to itself would keep the middleware's participant, and its shared memory, to the end
     rclpy.shutdown()
     for failure in failures:

@@ -19,10 +19,12 @@ from rclpy.executors import (
     TimeoutException,
 )
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 EVENT_PERIOD = 1.0  # s
 WATCHED = "hmap_watched"  # attribute of event handlers that are looked at all the time
+APART = "hmap_apart"  # attribute of a subscription that has an executor of its own
 SHORT = (Subscription, Client, ActionClient, EventHandler)  # entities whose callbacks do not wait
 InvalidHandle, RCLError = rclpy_implementation.InvalidHandle, rclpy_implementation.RCLError
 # in the error where an action server was destroyed while it was waited for; rclpy ignores that of other entities
@@ -42,7 +44,8 @@ class _RareEvents(Executor):
     def can_execute(self, entity: Any) -> bool:
         """As rclpy."""
         rare = isinstance(entity, EventHandler) and not getattr(entity, WATCHED, False)
-        return (self._with_events or not rare) and super().can_execute(entity)
+        looked_at = (self._with_events or not rare) and not getattr(entity, APART, False)
+        return looked_at and super().can_execute(entity)
 
     def _spin_once_impl(self, *arguments: Any, **options: Any) -> None:
         now = time.monotonic()
@@ -103,6 +106,37 @@ class WorkExecutor(_RareEvents, _Pool):
     """Runs callbacks in a pool of threads, since some wait."""
 
 
+class ClockExecutor(SingleThreadedExecutor):
+    """Follows ``/clock``, which comes several times as often as all other messages of most nodes.
+
+    An executor looks at all entities of a node whenever one of them has news. This one looks at one subscription.
+    """
+
+    def __init__(self, node: Node, subscription: Subscription):
+        """
+        Args:
+            node: whose other executor leaves the subscription out from now on.
+            subscription: to the clock.
+        """
+        super().__init__(context=node.context)
+        self._node, self._subscription = node, subscription
+        setattr(subscription, APART, True)
+
+    def get_nodes(self) -> list[Node]:
+        """The node, which counts as added to its other executor only."""
+        return [self._node]
+
+    def can_execute(self, entity: Any) -> bool:
+        """As rclpy, but for the subscription alone."""
+        return entity is self._subscription and super().can_execute(entity)
+
+
+def clock_executor(node: Node) -> ClockExecutor | None:
+    """An executor that follows the clock of a node; None where it has the time of the machine."""
+    subscription = getattr(getattr(node, "_time_source", None), "_clock_sub", None)
+    return None if subscription is None else ClockExecutor(node, subscription)
+
+
 class Spinner:
     """A thread that spins an executor until :meth:`stop`.
 
@@ -148,12 +182,13 @@ class Spinner:
             self._free.set()
 
     def _spin(self) -> None:
+        # the same function each time: with another one, rclpy drops what else was ready, and waits for it again
+        ended = lambda: self._stopped or not self._free.is_set()  # noqa: E731
         while not self._stopped and self._executor.context.ok():
             try:
                 if not self._free.wait(self._limit):
                     self._free.set()
                 # as spin_until_future_complete, which however adds a callback to the future for each executed callback
-                ended = lambda: self._stopped or not self._free.is_set()  # noqa: E731
                 self._executor._spin_once_impl(None, ended)  # type: ignore[attr-defined]
             except ExternalShutdownException:
                 return

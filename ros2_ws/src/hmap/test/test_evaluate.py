@@ -113,6 +113,15 @@ def solved(path, **options):
     return record
 
 
+def killed(folder, share: float) -> None:
+    """The bag of a recorder that was killed after a share of the plan, in ``bag``."""
+    record = Record(folder / "open")
+    record.planned()
+    record.executed(share)
+    record.writer.flush()
+    shutil.copytree(folder / "open", folder / "bag")
+
+
 def metrics(path, judge: bool = False):
     (run,) = runs_in(open_bag(path))
     return recorded.measure(run, judge)
@@ -185,11 +194,7 @@ def test_a_failed_run_and_what_was_missing(tmp_path):
 
 
 def test_the_bag_of_a_killed_recorder_is_cut_off(tmp_path):
-    record = Record(tmp_path / "open")
-    record.planned()
-    record.executed(0.6)
-    record.writer.flush()
-    shutil.copytree(tmp_path / "open", tmp_path / "bag")
+    killed(tmp_path, 0.6)
     found = metrics(tmp_path / "bag")
     assert found.outcome == "cut off" and "phase 'execution'" in found.reason
     assert found.goal_error_m is None  # nobody knows where it ended
@@ -197,11 +202,7 @@ def test_the_bag_of_a_killed_recorder_is_cut_off(tmp_path):
 
 
 def test_a_run_goes_on_in_the_bag_of_the_recorder_that_was_started_anew(tmp_path):
-    record = Record(tmp_path / "open")
-    record.planned()
-    record.executed(0.5)
-    record.writer.flush()
-    shutil.copytree(tmp_path / "open", tmp_path / "bag")
+    killed(tmp_path, 0.5)
     rest = Record(tmp_path / "bag-2")
     rest.write("/scene", 12.6, scene_to_message(rest.plan.scene))
     rest.write("/plan", 12.6, plan_to_message(rest.plan, time_to_message(9.8)))  # latched

@@ -90,15 +90,23 @@ def until(condition, limit: float = LIMIT) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
-def test_the_death_of_a_node_is_noticed_within_its_lease(node, stand_in, number):
+@pytest.mark.parametrize(("role", "lease"), [("supervisor", MOTION_LEASE), (ROLE, LEASE)])
+def test_the_death_of_a_node_is_noticed_within_its_lease(node, stand_in, role, lease, number):
     lost = threading.Event()
-    heartbeat = Heartbeat(node, ROLE, node.group, lost.set, MOTION_LEASE)
-    process = stand_in(ROLE, "answers")
+    heartbeat = Heartbeat(node, role, node.group, lost.set, lease)
+    process = stand_in(role, "answers")
     until(lambda: heartbeat.alive == 1)
     assert not heartbeat.lost
     process.send_signal(number)
-    assert lost.wait(10.0 * MOTION_LEASE)
+    assert lost.wait(10.0 * lease)
     assert heartbeat.lost and heartbeat.alive == 0
+
+
+def test_several_signs_of_life_can_be_late_before_a_node_counts_as_dead():
+    signs = {MOTION_LEASE: heartbeats.SUPERVISOR_PROMISE, LEASE: heartbeats.PROMISE}
+    for lease, promise in signs.items():
+        assert lease >= 2.0 * promise, "at least two signs in each lease"
+    assert MOTION_LEASE + heartbeats.CONFIRM <= 0.3, "0.2 s of the 0.5 s are left for braking"
 
 
 def asked(caller, found: list) -> threading.Thread:

@@ -2,16 +2,28 @@
 
 import threading
 import time
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
+from builtin_interfaces.msg import Time
 from rclpy.context import Context
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Empty
 
-from hmap.spinning import EVENT_PERIOD, InvalidHandle, MessageExecutor, RCLError, Spinner, WorkExecutor, watch
+from hmap.spinning import (
+    EVENT_PERIOD,
+    InvalidHandle,
+    MessageExecutor,
+    RCLError,
+    Spinner,
+    WorkExecutor,
+    clock_executor,
+    watch,
+)
 
 PERIOD = 0.01  # s between two calls
 LONG = 60.0  # s; a test that waits so long has failed
@@ -144,6 +156,62 @@ def test_warnings_of_the_middleware_are_looked_at_once_a_second_and_heartbeats_a
     assert plain.event_handlers and looked_at() == [True, True] and looked_at() == [False, True]
     executor._events_due -= EVENT_PERIOD
     assert looked_at() == [True, True]
+    node.destroy_node()
+    context.shutdown()
+
+
+def test_the_clock_is_followed_by_an_executor_of_its_own():
+    context = Context()
+    context.init(["--ros-args", "-p", "use_sim_time:=true"])
+    node = Node("timed", context=context)
+    told = node.create_subscription(Empty, "told", lambda _: None, 1)
+    clock, others = clock_executor(node), MessageExecutor(context=context)
+    others.add_node(node)
+    subscriptions = list(node.subscriptions)
+    assert told in subscriptions and len(subscriptions) > 1
+    assert [each for each in subscriptions if clock.can_execute(each)] == [node._time_source._clock_sub]
+    assert [each for each in subscriptions if not others.can_execute(each)] == [node._time_source._clock_sub]
+    spinners = [Spinner(executor, lambda error: None) for executor in (clock, others)]
+    publisher = node.create_publisher(Clock, "/clock", 1)
+    until = time.monotonic() + LONG
+    while not node.get_clock().now().nanoseconds:
+        assert time.monotonic() < until
+        publisher.publish(Clock(clock=Time(sec=7)))
+        time.sleep(PERIOD)
+    assert node.get_clock().now().nanoseconds == 7 * 10**9
+    for spinner in spinners:
+        spinner.stop()
+    node.destroy_node()
+    context.shutdown()
+
+
+def test_a_node_with_the_time_of_the_machine_needs_no_executor_for_a_clock():
+    context = Context()
+    context.init()
+    node = Node("untimed", context=context)
+    assert clock_executor(node) is None
+    node.destroy_node()
+    context.shutdown()
+
+
+def test_all_that_is_ready_is_run_after_one_look(monkeypatch):
+    context = Context()
+    context.init()
+    node = Node("busy", context=context)
+    ran, looks = [], []
+    executor = MessageExecutor(context=context)
+    look = executor._wait_for_ready_callbacks
+    monkeypatch.setattr(executor, "_wait_for_ready_callbacks", lambda *args: looks.append(len(ran)) or look(*args))
+    for k in range(5):
+        node.create_guard_condition(partial(ran.append, k)).trigger()
+    executor.add_node(node)
+    spinner = Spinner(executor, lambda error: None)
+    until = time.monotonic() + LONG
+    while len(ran) < 5:
+        assert time.monotonic() < until
+        time.sleep(PERIOD)
+    spinner.stop()
+    assert not {1, 2, 3, 4}.intersection(looks), "a look for a part of what was ready"
     node.destroy_node()
     context.shutdown()
 

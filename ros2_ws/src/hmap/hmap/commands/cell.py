@@ -10,8 +10,8 @@ from pathlib import Path
 
 from hmap.environment import prepare_process
 from hmap.launcher.cell import Cell, composed, read_cell
-from hmap.launcher.options import LOCALHOST, graph_arguments
-from hmap.launcher.ports import free_port
+from hmap.launcher.options import graph_arguments
+from hmap.launcher.page import start_page
 from hmap.launcher.processes import Graph, output_folder
 from hmap_core.cli.main import positive
 from hmap_core.command_line import keep_for_results
@@ -72,9 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.check:
             return YES if well else NO
         if not arguments.no_viewer:
-            port = free_port(LOCALHOST, arguments.port)
-            graph.start("viewer", cell.of("viewer", port=port), cell.files)
-            print(f"page: http://{LOCALHOST}:{port}", flush=True)
+            print(start_page(graph, arguments.port, cell.of("viewer"), cell.files), flush=True)
         print(f"the nodes run; their logs are in {folder / 'logs'}; Ctrl-C ends them", flush=True)
         while not stop.wait(POLL):
             for text in graph.news():

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from hmap.environment import prepare_process
-from hmap.launcher.options import LOCALHOST, graph_arguments
-from hmap.launcher.ports import free_port
+from hmap.launcher.options import graph_arguments
+from hmap.launcher.page import start_page
 from hmap.launcher.processes import Graph, output_folder
 from hmap.launcher.spares import Spare, fork_spares
 from hmap_core.cli.main import natural, positive, seed_argument, zero_or_more
@@ -120,9 +120,7 @@ def _run(arguments: argparse.Namespace, folder: Path, stop: threading.Event, spa
 
             _start(graph, session, arguments, folder, line, between)
             if not arguments.no_viewer:
-                port = free_port(LOCALHOST, arguments.port)
-                graph.start("viewer", {"port": port})
-                line.note(f"page: http://{LOCALHOST}:{port}")
+                line.note(start_page(graph, arguments.port))
             session.manipulate(
                 arguments.task,
                 seed=arguments.seed,

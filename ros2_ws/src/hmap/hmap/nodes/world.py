@@ -50,9 +50,10 @@ class WorldNode(HmapNode):
         rates = {
             "clock": self.parameter("clock_rate", 20.0, "of /clock at least, Hz", 1.0, 1000.0),
             "joints": self.parameter("joint_state_rate", 20.0, "of joint_states at least, Hz", 1.0, 1000.0),
-            "poses": self.parameter("body_pose_rate", 15.0, "of the bodies' poses at least, Hz", 1.0, 1000.0),
+            "poses": self.parameter("body_pose_rate", 20.0, "of the bodies' poses at least, Hz", 1.0, 1000.0),
         }
-        self._periods = {what: 1.0 / rate for what, rate in rates.items()}  # s of real and of simulated time
+        # s of real and of simulated time; with equal ones all are due together, so that one message of the clock does
+        self._periods = {what: 1.0 / rate for what, rate in rates.items()}
         self._camera_period = self.parameter(
             "camera_period", 4.0, "simulated s between pictures, taken when something has moved; 0: on demand", 0.0, 1e6
         )
