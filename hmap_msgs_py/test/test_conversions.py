@@ -64,6 +64,22 @@ def test_bad_pose_is_named(pose, says):
     assert "pose of 'bar'" in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("index", "value", "says"), [(0, NAN, "nan"), (2, math.inf, "inf"), (5, NAN, "nan"), (6, 2.0, "norm 2")]
+)
+def test_bad_pose_among_others_is_named(index, value, says):
+    values = np.tile(IDENTITY, (3, 1)).astype(float)
+    messages = poses.poses_to_messages(values)
+    assert np.array_equal(poses.poses_from_messages(messages), values)
+    values[1, index] = value
+    for convert in (lambda: poses.pose_to_message(values[1]), lambda: poses.poses_to_messages(values)):
+        with pytest.raises(checks.PoseError, match=says):
+            convert()
+    setattr(messages[1].position if index < 3 else messages[1].orientation, "xyzxyzw"[index], value)
+    with pytest.raises(checks.PoseError, match=rf"poses\[1\].*{says}"):
+        poses.poses_from_messages(messages)
+
+
 def test_bad_pose_message_is_named():
     message = poses.pose_to_message(IDENTITY)
     message.orientation.w = 0.5

@@ -86,7 +86,19 @@ def test_the_doctor_names_input_that_cannot_be_right(healthy, faults, told):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("fault", ["poses drop", "poses old", "poses nan", "poses frame", "joints drop", "joints nan"])
+@pytest.mark.parametrize(
+    "fault",
+    [
+        "poses drop",
+        "poses old",
+        "poses ahead",
+        "poses nan",
+        "poses unnormalised",
+        "poses frame",
+        "joints drop",
+        "joints nan",
+    ],
+)
 def test_on_input_that_cannot_be_right_nothing_moves(healthy, fault):
     healthy.fault(fault)
     time.sleep(SETTLE)

@@ -190,6 +190,20 @@ def outcome(cell, command) -> ExecutionError:
     return error.value
 
 
+def test_in_a_dry_run_nothing_is_sent_to_any_controller(cell):
+    cell.controllers.locked = True
+    with pytest.raises(ExecutionError, match="nothing is sent to 'panda_1/arm' in a dry run") as error:
+        cell.controllers.move(cell.robot, swing(cell.robot))
+    assert error.value.code is Code.SERVICE_UNAVAILABLE and not cell.client.goals
+
+
+def test_a_controller_that_is_not_there_is_named(cell, monkeypatch):
+    monkeypatch.setattr(cell.client, "wait_for_server", lambda *_: False)
+    with pytest.raises(ExecutionError, match="no controller has offered the action 'panda_1/arm'") as error:
+        cell.controllers.move(cell.robot, swing(cell.robot))
+    assert error.value.code is Code.SERVICE_UNAVAILABLE and not cell.client.goals
+
+
 def test_a_controller_that_never_answers_is_named(cell):
     began = time.monotonic()
     error = outcome(cell, cell.controllers.move(cell.robot, swing(cell.robot)))
