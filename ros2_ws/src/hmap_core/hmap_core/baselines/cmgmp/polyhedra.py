@@ -130,6 +130,26 @@ def _inside(normals, offsets, point, tolerance, left_out):
 
 
 @njit(**OPTIONS)
+def _vertices(
+    vertices, normal, level, widest, normals, offsets, left_out, tolerance, kind, count, points, gaps, labels
+):  # fmt: skip
+    """Writes the vertices of one polyhedron that touch the other one, after ``count`` points; the new number.
+
+    Args:
+        vertices: of the one; normal: away from the other one, of which level is the highest plane along it.
+        widest: largest gap.
+        normals, offsets: of the other one's faces; left_out: number of the face in contact, or -1.
+    """
+    for k in range(vertices.shape[0]):
+        gap = normal @ vertices[k] - level
+        if gap <= widest and count < MOST and _inside(normals, offsets, vertices[k], tolerance, left_out):
+            points[count], gaps[count] = vertices[k], gap
+            labels[count, 0], labels[count, 1], labels[count, 2] = kind, k, 0
+            count += 1
+    return count
+
+
+@njit(**OPTIONS)
 def _crossing(a, b, c, d):
     """Parameters of the closest points of the lines a-b and c-d; both -1 where they are parallel."""
     u, v, w = b - a, d - c, a - c
@@ -214,22 +234,14 @@ def manifold(
         other[:] = normals_b[across_b]
     elif across_a >= 0:
         other[:] = -normals_a[across_a]
-    best_along = _extent(A, normal)[0] - _extent(B, normal)[1]
     level, low = _extent(B, normal)[1], _extent(A, normal)[0]
-    for k in range(A.shape[0]):
-        gap = normal @ A[k] - level
-        if gap <= best_along + tolerance and gap <= tolerance and count < MOST:
-            if _inside(normals_b, offsets_b, A[k], tolerance, plane):
-                points[count], gaps[count] = A[k], gap
-                labels[count, 0], labels[count, 1], labels[count, 2] = BODY_VERTEX, k, 0
-                count += 1
-    for k in range(B.shape[0]):
-        gap = low - normal @ B[k]
-        if gap <= tolerance and gap <= best_along + tolerance and count < MOST:
-            if _inside(normals_a, offsets_a, B[k], tolerance, own_plane):
-                points[count], gaps[count] = B[k], gap
-                labels[count, 0], labels[count, 1], labels[count, 2] = FACE_VERTEX, k, 0
-                count += 1
+    widest = min(low - level, 0.0) + tolerance
+    count = _vertices(
+        A, normal, level, widest, normals_b, offsets_b, plane, tolerance, BODY_VERTEX, count, points, gaps, labels
+    )
+    count = _vertices(
+        B, -normal, -low, widest, normals_a, offsets_a, own_plane, tolerance, FACE_VERTEX, count, points, gaps, labels
+    )
     for i in range(edges_a.shape[0]):
         a, b = A[edges_a[i, 0]], A[edges_a[i, 1]]
         if min(normal @ a, normal @ b) - level > tolerance:
