@@ -16,7 +16,9 @@ install() {
 }
 
 if install .venv-peers --no-deps robotic==0.4.2; then
-    "$venv/bin/python" -c "import site; print(site.getsitepackages()[0])" \
+    # addsitedir: also what the packages of VENV add to the path, such as hmap itself and coal
+    packages=$("$venv/bin/python" -c "import site; print(site.getsitepackages()[0])")
+    echo "import site; site.addsitedir('$packages')" \
         > "$(.venv-peers/bin/python -c "import site; print(site.getsitepackages()[0])")/hmap_peers.pth"
     if .venv-peers/bin/python -c "import robotic" 2> /dev/null; then
         planners="$planners rai_komo rai_lgp_star"
