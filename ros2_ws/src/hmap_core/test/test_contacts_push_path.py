@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from geometry_fixtures import TABLE, box, yaw
+from push_fixtures import CRATE, assert_can_be_pushed
 
-from hmap_core.contacts.friction import in_cone, needed_wrench
 from hmap_core.contacts.push import SlidingBody
 from hmap_core.contacts.push_path import PushPlanner, final_pushes, first_pushes, sides
 from hmap_core.planner.components import local_components
@@ -14,11 +14,10 @@ from hmap_core.planner.protocols import ObjectPathQuery
 from hmap_core.planner.strategies.pushed_paths import push_planner
 from hmap_core.scenes import load_scene
 from hmap_core.transforms import distance, interpolate, pose
-from hmap_core.types import BodyKind, Shape, ShapeKind
+from hmap_core.types import Shape, ShapeKind
 from hmap_core.waypoints import ObjectPathProblem, plan_waypoints
 from hmap_core.waypoints.checker import Geometry, ObjectChecker
 
-CRATE = replace(box("crate", (0.12, 0.12, 0.08), (0, 0, 0), kind=BodyKind.MOVABLE), friction=0.4)
 Z = 0.09  # of a crate on the table
 WALL = box("wall", (0.2, 0.02, 0.1), (0.0, 0.0, 0.1))
 
@@ -33,24 +32,6 @@ def problem(start, goal, *obstacles, body=CRATE):
 
 def straight(problem):
     return interpolate(problem.start, problem.goal, np.linspace(0.0, 1.0, 31))
-
-
-def assert_can_be_pushed(path, body=CRATE):
-    """At each step some force on one side, within 70 % of the friction, is what the motion needs."""
-    slide = SlidingBody(body, path[0])
-    width = 0.06
-    lines = []
-    for side in sides(body, slide):
-        inward = np.array([np.cos(side.heading), np.sin(side.heading)])
-        across = np.array([-inward[1], inward[0]])
-        forces = [inward + sign * 0.7 * body.friction * across for sign in (1, -1)]
-        ends = [-0.06 * inward + sign * width * across for sign in (1, -1)]
-        lines.append([[*f, e[0] * f[1] - e[1] * f[0]] for f in forces for e in ends])
-    lines = np.array(lines)
-    for twists in slide.twists(path):
-        for twist in twists:
-            wrench = needed_wrench(twist, slide.length)
-            assert in_cone(lines, wrench / np.linalg.norm(wrench)).any()
 
 
 def assert_free(problem, path):

@@ -167,6 +167,11 @@ class PushPlanner:
 
     Args:
         problem: the object and its obstacles; the motion is planar and no obstacle is removable.
+
+    Attributes:
+        legs: number of pushes in the last path.
+        slant: rad by which the direction of a straight leg may deviate from the normal of its side.
+        robust_curvature: 1/m, up to which the pressure distribution under the object hardly matters.
     """
 
     def __init__(self, problem: ObjectPathProblem):
@@ -175,8 +180,8 @@ class PushPlanner:
         self.sides = sides(problem.body, self.slide) if self.slide.footprint else []
         self.slant = SLANT_SHARE * float(np.arctan(FRICTION_SHARE * problem.body.friction))
         self.checker = ObjectChecker(self.problem, Geometry(self.problem), True, problem.min_distance)
-        # the curvature, 1/m, up to which the pressure distribution hardly matters
-        self._robust_curvature = (
+        self.legs = 0
+        self.robust_curvature = (
             PUSH_POINT_TOLERANCE / abs(self.slide.rim_length**2 - self.slide.length**2) if self.sides else np.inf
         )
         self._legs_left = MAX_LEGS
@@ -201,18 +206,18 @@ class PushPlanner:
             return None
         self._legs_left = MAX_LEGS
         side_cost = np.ones(len(self.sides)) if rng is None else rng.uniform(1.0, SIDE_COST_FACTOR, len(self.sides))
-        states = [self._state(T) for T in self._nodes(poses, MAX_TURNED_NODES if avoided else MAX_NODES)]
+        states = [self.state(T) for T in self._nodes(poses, MAX_TURNED_NODES if avoided else MAX_NODES)]
         if avoided:
             states = _with_turns(states)
         elif len(states) <= MAX_NODES_BESIDE and all(
-            abs(_wrapped(state[2] - states[0][2])) < MIN_TURN for state in states
+            abs(wrapped(state[2] - states[0][2])) < MIN_TURN for state in states
         ):
             states = _with_sides(states)
         order, before = count(), {}
         queue: list[tuple[float, int, int, int, tuple[Leg, ...]]] = [(0.0, 0, 0, -1, ())]
         while queue:
             cost, _, at, source, legs = heapq.heappop(queue)
-            if at in before or (legs and not self._free(states[source], legs)):
+            if at in before or (legs and not self.free(states[source], legs)):
                 continue
             if self._legs_left <= 0:
                 return None
@@ -229,7 +234,7 @@ class PushPlanner:
         return None
 
     def _cost(self, leg: Leg) -> float:
-        uncertain = 1.0 - min(1.0, self._robust_curvature / abs(leg.curvature)) if leg.curvature else 0.0
+        uncertain = 1.0 - min(1.0, self.robust_curvature / abs(leg.curvature)) if leg.curvature else 0.0
         short = SHORT_COST if leg.length < SHORT else 0.0
         return LEG_COST + short + leg.length + UNCERTAIN_TURN_COST * abs(leg.turn) * uncertain
 
@@ -240,24 +245,25 @@ class PushPlanner:
         wanted = np.linspace(0.0, way[-1], int(np.clip(np.ceil(way[-1] / NODE_STEP), 1, most - 1)) + 1)
         return poses[np.unique(np.searchsorted(way, wanted - MIN_LENGTH))]
 
-    def _state(self, T: np.ndarray) -> np.ndarray:
+    def state(self, T: np.ndarray) -> np.ndarray:
         """x, y of the centre of friction and yaw (3,) at a pose (7,)."""
         yaw = planar_yaw(self.problem.start, T)
         return np.r_[T[:2] + _turned(self.slide.middle, yaw), yaw]
 
-    def _pose(self, state: np.ndarray) -> np.ndarray:
+    def pose(self, state: np.ndarray) -> np.ndarray:
+        """The pose (7,) of the object in a state (3,)."""
         x, y = state[:2] - _turned(self.slide.middle, state[2])
         return planar_pose(self.problem.start, x, y, state[2])
 
     def _connections(self, a: np.ndarray, b: np.ndarray) -> list[tuple[Leg, ...]]:
         """Sequences of legs from one state (3,) to another, without regard to obstacles."""
-        turn = _wrapped(b[2] - a[2])
+        turn = wrapped(b[2] - a[2])
         if abs(turn) < MIN_TURN:
             return self._straight(b[:2] - a[:2], a[2])
         found = []
         for k, side in enumerate(self.sides):
             most = abs(side.curvature[int(turn > 0.0)])
-            for curvature in sorted({min(most, units * self._robust_curvature) for units in CURVATURES}):
+            for curvature in sorted({min(most, units * self.robust_curvature) for units in CURVATURES}):
                 if curvature < MIN_TURN:
                     continue
                 curvature = np.copysign(curvature, turn)
@@ -275,7 +281,7 @@ class PushPlanner:
         if length < MIN_LENGTH:
             return [()]
         heading = float(np.arctan2(way[1], way[0]))
-        off = np.array([_wrapped(side.heading + yaw - heading) for side in self.sides])
+        off = np.array([wrapped(side.heading + yaw - heading) for side in self.sides])
         nearest = int(np.abs(off).argmin())
         if abs(off[nearest]) <= self.slant:
             return [(Leg(nearest, heading, length),)]
@@ -288,19 +294,20 @@ class PushPlanner:
         other = Leg(j, heading - right[j], share * float(np.sin(left[i])))
         return [(one, other), (other, one)]
 
-    def _states(self, state: np.ndarray, leg: Leg) -> list[np.ndarray]:
+    def states(self, state: np.ndarray, leg: Leg) -> list[np.ndarray]:
         """States along a leg that starts at a state, without that state."""
         steps = max(1, int(np.ceil(abs(leg.turn) / ARC_STEP)))
         ways = leg.length * np.arange(1, steps + 1) / steps
         return [np.r_[state[:2] + leg.along(way), state[2] + leg.curvature * way] for way in ways]
 
-    def _free(self, state: np.ndarray, legs: tuple[Leg, ...]) -> bool:
-        at = self._pose(state)
+    def free(self, state: np.ndarray, legs: Sequence[Leg]) -> bool:
+        """Whether the object is free along legs from a state (3,) on."""
+        at = self.pose(state)
         for leg in legs:
             self._legs_left -= 1
-            along = self._states(state, leg)
+            along = self.states(state, leg)
             state = along[-1]
-            for to in map(self._pose, along):
+            for to in map(self.pose, along):
                 if not self.checker.motion_free(at, to):
                     return False
                 at = to
@@ -313,14 +320,20 @@ class PushPlanner:
             at, legs = before[at]
             sequence.append((at, legs))
         corners = [first]
+        self.legs = sum(len(legs) for _, legs in sequence)
         for at, legs in reversed(sequence):
-            state = states[at]
-            for leg in legs:
-                along = self._states(state, leg)
-                corners += [self._pose(s) for s in along]
-                state = along[-1]
+            corners += self.poses_along(states[at], legs)
         corners[-1] = last
         return consistent(resample(np.array(corners))[0])
+
+    def poses_along(self, state: np.ndarray, legs: Sequence[Leg]) -> list[np.ndarray]:
+        """Poses (7,) along legs from a state (3,) on, without that state."""
+        poses = []
+        for leg in legs:
+            along = self.states(state, leg)
+            poses += [self.pose(s) for s in along]
+            state = along[-1]
+        return poses
 
 
 def _with_turns(states: list[np.ndarray]) -> list[np.ndarray]:
@@ -342,7 +355,7 @@ def _with_sides(states: list[np.ndarray]) -> list[np.ndarray]:
 
 def _is_along(leg: Leg, direction: float) -> bool:
     """Whether a leg goes in a direction (rad), on the average."""
-    return abs(_wrapped(leg.heading + 0.5 * leg.turn - direction)) < AVOIDED
+    return abs(wrapped(leg.heading + 0.5 * leg.turn - direction)) < AVOIDED
 
 
 def _turned(p: np.ndarray, yaw: float) -> np.ndarray:
@@ -350,6 +363,6 @@ def _turned(p: np.ndarray, yaw: float) -> np.ndarray:
     return np.array([c * p[0] - s * p[1], s * p[0] + c * p[1]])
 
 
-def _wrapped(angle: float) -> float:
+def wrapped(angle: float) -> float:
     """The angle in rad, in [-pi, pi)."""
     return float((angle + np.pi) % (2.0 * np.pi) - np.pi)

@@ -13,11 +13,14 @@ from hmap_core.planner.contact_checker import is_lifted
 from hmap_core.planner.interfaces import RobotContact
 from hmap_core.planner.loads import weight_problem
 from hmap_core.planner.protocols import ContactChecker, ContactProposer, ContactQuery, ContactSearchQuery
+from hmap_core.planner.resampling import pose_steps
 from hmap_core.planner.sampled_contacts import sampled_surface
 from hmap_core.types import Scene, SceneState
 
 STRETCH_WEIGHT = 0.7  # share of a contact's score that is lost when the arm is stretched out
 SCORE_WEIGHT = 0.1  # poses of the path that one point of the sampler's score counts for
+# of an object's path: a contact does not serve for so little, or leave so little, if another one goes farther
+LITTLE, LITTLE_TURN = 0.03, float(np.deg2rad(17.0))  # m, rad
 SWING_COST = 1.0  # poses of the path that a turn of a joint by 1 rad counts for, on the way to the contact
 
 
@@ -70,6 +73,7 @@ class ProposeAndCheck:
             if found:
                 break
             found += search.find(to_the_end=True)
+        self._farther(query, searches, found)
         checked = sum(search.checked for search in searches)
         if not found:
             heavy = weight_problem(query.scene, query.object, robots, is_lifted(query.object_poses))
@@ -80,6 +84,21 @@ class ProposeAndCheck:
             )
         found.sort(key=lambda contact: swing_cost(query.state, contact) - contact_score(query.scene, contact))
         return found[: query.count or None]
+
+    def _farther(self, query: ContactSearchQuery, searches: Sequence["RobotSearch"], found: list[RobotContact]) -> None:
+        """Add contacts that reach farther, where the farthest ends a little after its begin or before the path's end.
+
+        The object would be let go there, and touched again at once.
+        """
+        if not found:
+            return
+        beyond, last = max(contact.reach for contact in found), len(query.object_poses) - 1
+        way = np.concatenate([[0.0], np.cumsum(np.maximum(*pose_steps(query.object_poses, LITTLE, LITTLE_TURN)))])
+        if beyond == last or 1.0 <= way[beyond] <= way[-1] - 1.0:
+            return
+        for search in searches:
+            found += search.find(beyond)
+            beyond = max(contact.reach for contact in found)
 
 
 class RobotSearch:

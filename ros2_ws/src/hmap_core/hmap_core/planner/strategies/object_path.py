@@ -5,12 +5,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hmap_core.contacts.few_pushes import two_pushes
 from hmap_core.contacts.grip_width import grip_problem
 from hmap_core.contacts.grippable import grippable
 from hmap_core.contacts.hand import hand_of
 from hmap_core.exceptions import Code
 from hmap_core.planner.context import SearchContext
-from hmap_core.planner.goals import goal_of_round, path_scene, slides_only
+from hmap_core.planner.goals import GOAL_SHARE, goal_of_round, path_scene, slides_only
 from hmap_core.planner.immovable import first_immovable
 from hmap_core.planner.obstacle_removal import StuckError
 from hmap_core.planner.obstruction import without
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 PATHS_AT_FIRST = 3  # object paths in the first round, as long as they lead to no contact at all
 STUCK_ROUND = 1  # round after which it is looked whether the obstacles on the path can be moved at all
+FEW = 2  # pushes; where a path needs more, one to another orientation of the object is looked for
 TASK_CHECKS = 500_000  # motions checked for one path of the task's object, some 5 s
 OBSTACLE_CHECKS = 100_000  # motions checked for the path of an obstacle to one of several places
 
@@ -165,5 +167,10 @@ def _pushable(context: SearchContext, state: SceneState, task: PathTask, poses: 
     hands = [hand_of(robot) for robot in scene.robots.values()]
     if scene.mode == TaskMode.KINEMATIC or task.number % 2 or grippable(body, poses[0], hands):
         return poses
-    pushed = push_planner(scene, state, task.object, poses).path(poses, context.rng if task.number else None)
+    pushes = push_planner(scene, state, task.object, poses)
+    pushed = pushes.path(poses, context.rng if task.number else None)
+    if pushed is not None and pushes.legs > FEW and not task.number:
+        goal = task.subgoal.goal
+        fewer = two_pushes(pushes, poses, goal.pose, GOAL_SHARE * goal.rotation_tolerance)
+        pushed = pushed if fewer is None else fewer
     return poses if pushed is None else pushed
