@@ -50,10 +50,19 @@ def test_the_same_seed_takes_the_same_tool_the_same_way(tmp_path):
     np.testing.assert_array_equal(first.trajectory.joints["arm"], second.trajectory.joints["arm"])
 
 
+def test_a_tool_is_grasped_where_it_need_not_be_turned_round():
+    # the stick lies behind the bar already; grasped at its other half, it would have to come with its other end
+    found = plan(load_scene("tunnel_tool", seed=0), seed=0)
+    assert quality(found).tool_swing < 2.0
+    moved = found.trajectory.objects["stick"]
+    turned = 2.0 * np.arccos(np.clip(np.abs(moved[:, 3:] @ moved[0, 3:]), 0.0, 1.0))
+    assert turned.max() < np.deg2rad(45.0)
+
+
 def test_the_arm_does_not_swing_between_two_contacts_of_a_tool():
     found = plan(load_scene("puck_around", seed=1), seed=1)
     measured = quality(found)
-    assert measured.tool_swing < 2.0 and measured.episodes == 4
+    assert measured.tool_swing < 2.0 and measured.episodes == 3
     grasp = next(segment for segment in found.segments if segment.object == "pawn")
     hand = rotation_matrix(found.scene.bodies["pawn"].pose) @ rotation_matrix(grasp.contact_pose)
     assert hand[2, 2] < -0.7  # from above: the last joint alone turns the tool about the vertical

@@ -73,7 +73,12 @@ class ProposeAndCheck:
             if found:
                 break
             found += search.find(to_the_end=True)
-        self._farther(query, searches, found)
+        ends_soon = _ends_soon(query.object_poses)
+        waiting = list(searches)
+        while found and waiting and all(ends_soon[contact.reach] for contact in found):
+            farther = waiting[0].find(max(contact.reach for contact in found), to_the_end=True)
+            found += farther
+            waiting = waiting[not farther :]
         checked = sum(search.checked for search in searches)
         if not found:
             heavy = weight_problem(query.scene, query.object, robots, is_lifted(query.object_poses))
@@ -82,23 +87,11 @@ class ProposeAndCheck:
                 + (f": {heavy}" if heavy else ""),
                 Code.NO_CONTACT,
             )
-        found.sort(key=lambda contact: swing_cost(query.state, contact) - contact_score(query.scene, contact))
-        return found[: query.count or None]
 
-    def _farther(self, query: ContactSearchQuery, searches: Sequence["RobotSearch"], found: list[RobotContact]) -> None:
-        """Add contacts that reach farther, where the farthest ends a little after its begin or before the path's end.
+        def cost(contact: RobotContact) -> tuple[bool, float]:
+            return ends_soon[contact.reach], swing_cost(query.state, contact) - contact_score(query.scene, contact)
 
-        The object would be let go there, and touched again at once.
-        """
-        if not found:
-            return
-        beyond, last = max(contact.reach for contact in found), len(query.object_poses) - 1
-        way = np.concatenate([[0.0], np.cumsum(np.maximum(*pose_steps(query.object_poses, LITTLE, LITTLE_TURN)))])
-        if beyond == last or 1.0 <= way[beyond] <= way[-1] - 1.0:
-            return
-        for search in searches:
-            found += search.find(beyond)
-            beyond = max(contact.reach for contact in found)
+        return sorted(found, key=cost)[: query.count or None]
 
 
 class RobotSearch:
@@ -137,6 +130,18 @@ class RobotSearch:
             if time.monotonic() > self._query.deadline:
                 break
         return []
+
+
+def _ends_soon(object_poses: np.ndarray) -> np.ndarray:
+    """Whether (M,) contacts that end at each of the poses (M, 7) serve for LITTLE of the path, or leave LITTLE of it.
+
+    The object would be let go and touched again at once, so all contacts are looked at for one that goes farther.
+    """
+    steps = np.maximum(*pose_steps(object_poses, LITTLE, LITTLE_TURN))
+    way = np.concatenate([[0.0], np.cumsum(steps)])
+    soon = (way < 1.0) | (way > way[-1] - 1.0)
+    soon[-1] = False
+    return soon
 
 
 def contact_score(scene: Scene, contact: RobotContact) -> float:

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from hmap_core.planner.contact_checker import cleared, least_reach, secure_grasp
 from hmap_core.planner.interfaces import RobotContact, ToolGrasp
 from hmap_core.planner.protocols import ContactProposals, ContactProposer, ContactQuery, ManipulatorRanker
 from hmap_core.planner.tools import attach_tool, farthest_points, tools_of, within_reach
-from hmap_core.transforms import rotation_matrix
+from hmap_core.transforms import rotation_matrices, rotation_matrix
 from hmap_core.types import ContactPoint, Scene, SceneState
 
 TRIED = 16  # grasps on a tool for which inverse kinematics is solved
@@ -20,19 +20,44 @@ RANKED_FIRST = 3  # of these; the others are ranked only if the best of the firs
 LOOKED_AT = 2  # of the best that a ranker names; one if it serves as far as expected
 CERTAIN = 0.5  # probability times share of the path, from which on no contact is generated to compare grasps
 FROM_ABOVE = float(np.cos(np.deg2rad(45.0)))  # cosine between the hand's approach and the vertical
+TURN_STEP = float(np.deg2rad(45.0))  # rad; turns of a tool that differ by less count alike
 SHARE_OF_BEST = 0.5  # reach, as a share of the best, from which on a tool and robot count as good
 
 
-def _by_reach(entry: tuple[ToolGrasp, int, int]) -> tuple[int, bool, int]:
-    """Sorts grasps by how far they serve, then from above, then by with how many contacts, the best first."""
-    grasp, bound, count = entry
-    return -bound, not _from_above(grasp.contact.contact, grasp.T_place), -count
+class _Bound(NamedTuple):
+    """How far a tool may serve in a grasp.
+
+    Attributes:
+        reach: index of the farthest pose to which hand, tool and object may go; -1: they cannot meet.
+        turn: how far the hand turns from where it picks the tool to the nearest such contact, in steps of TURN_STEP.
+        count: number of such contacts.
+    """
+
+    reach: int = -1
+    turn: int = 0
+    count: int = 0
+
+
+def _by_reach(entry: tuple[ToolGrasp, _Bound]) -> tuple[int, bool, int, int]:
+    """Sorts grasps by how far they serve, then from above, then by how little the tool is turned, then by with how many
+    contacts, the best first."""
+    grasp, bound = entry
+    return -bound.reach, not _from_above(grasp.contact.contact, grasp.T_place), bound.turn, -bound.count
 
 
 def _from_above(contact: ContactPoint, T_tool: np.ndarray) -> bool:
     """Whether a hand comes rather from above to a tool at T_tool (7,); its last joint turns the tool alone then."""
     toward = rotation_matrix(T_tool) @ rotation_matrix(contact.T_obj_ee) @ contact.approach
     return bool(toward[2] < -FROM_ABOVE)
+
+
+def _turn(grasp: ToolGrasp, contacts: Sequence[ContactPoint], T_object: np.ndarray) -> int:
+    """How far the hand turns from where it picks a tool to the nearest of the tool's contacts on an object at T_object
+    (7,), in steps of TURN_STEP."""
+    picked = rotation_matrix(grasp.T_place) @ rotation_matrix(grasp.contact.contact.T_obj_ee)
+    hands = rotation_matrix(T_object) @ rotation_matrices(np.array([contact.T_obj_ee for contact in contacts]))
+    cosine = 0.5 * (np.einsum("ij,nij->n", picked, hands) - 1.0)
+    return round(float(np.arccos(np.clip(cosine, -1.0, 1.0)).min()) / TURN_STEP)
 
 
 class ToolGraspFinder(Protocol):
@@ -84,7 +109,7 @@ class ToolGraspSearch:
         deadline = time.monotonic() + time_limit
         rng = np.random.default_rng(seed)
         least = least_reach(object_poses)
-        ranked: list[tuple[ToolGrasp, int, int]] = []
+        ranked: list[tuple[ToolGrasp, _Bound]] = []
         pairs = [
             (tool, robot)
             for tool in tools_of(scene, object)
@@ -100,10 +125,10 @@ class ToolGraspSearch:
             best = -1
             for grasp in some:
                 attached = attach_tool(scene, grasp)
-                bound, count = self._bound(attached, state, object, object_poses, grasp.robot, rng, every)
-                best = max(best, bound)
-                if bound >= least:
-                    ranked.append((grasp, bound, count))
+                bound = self._bound(attached, state, object, object_poses, grasp, rng, every)
+                best = max(best, bound.reach)
+                if bound.reach >= least:
+                    ranked.append((grasp, bound))
                 if time.monotonic() > deadline:
                     break
             return best
@@ -119,9 +144,9 @@ class ToolGraspSearch:
                 if rank([grasp]) >= share * (len(object_poses) - 1):
                     break  # as far as expected: the others are expected to serve less
             if ranked:
-                seen = {id(grasp) for grasp, _, _ in ranked}
+                seen = {id(grasp) for grasp, _ in ranked}
                 others = [(grasp, least) for grasp in ordered if id(grasp) not in seen]
-                return [(grasp, bound) for grasp, bound, _ in sorted(ranked, key=_by_reach)] + others
+                return [(grasp, bound.reach) for grasp, bound in sorted(ranked, key=_by_reach)] + others
         first = [rank(some[:RANKED_FIRST]) for some in grasps]
         good = SHARE_OF_BEST * max(first, default=0) if ranked else -1.0
         for some, best in zip(grasps, first, strict=True):
@@ -129,7 +154,7 @@ class ToolGraspSearch:
                 rank(some[RANKED_FIRST:])
         for some in [] if ranked else grasps:
             rank(some, every=True)
-        return [(grasp, bound) for grasp, bound, _ in sorted(ranked, key=_by_reach)]
+        return [(grasp, bound.reach) for grasp, bound in sorted(ranked, key=_by_reach)]
 
     def _best(
         self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, grasps: list[ToolGrasp]
@@ -161,20 +186,23 @@ class ToolGraspSearch:
         return [RobotContact(robot, contacts[k], 0, q[k][None], away) for k in kept]
 
     def _bound(
-        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, robot: str, rng, every: bool
-    ) -> tuple[int, int]:
-        """The farthest pose to which hand, tool and object may go, with how many contacts; -1: they cannot meet.
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, grasp: ToolGrasp, rng, every: bool
+    ) -> _Bound:
+        """The farthest pose to which hand, tool and object may go.
 
         By the first batch of contacts; with ``every`` by all of them, up to the first one that serves far enough.
         """
-        query = ContactQuery(scene, state, object, object_poses, robot, rng)
-        manipulation, _ = cleared(scene, state, object, robot)
-        best = -1, 0
+        query = ContactQuery(scene, state, object, object_poses, grasp.robot, rng)
+        manipulation, _ = cleared(scene, state, object, grasp.robot)
+        best = _Bound()
         for batch in self._proposer.propose(query) if every else (self._first_batch(query),):
             if len(batch.contacts):
                 bounds = reach_bounds(manipulation, batch.contacts, object_poses)
-                best = max(best, (int(bounds.max()), int((bounds == bounds.max()).sum())))
-            if best[0] >= least_reach(object_poses):
+                reach = int(bounds.max())
+                if reach > best.reach:
+                    farthest = [batch.contacts[k] for k in np.flatnonzero(bounds == reach)]
+                    best = _Bound(reach, _turn(grasp, farthest, object_poses[0]), len(farthest))
+            if best.reach >= least_reach(object_poses):
                 break
         return best
 
