@@ -37,6 +37,8 @@ COARSE_POSES = 24  # places of the object's path at which the hand alone is look
 CHUNK = 4  # candidates solved together
 MAX_SOLVED = 64  # candidates solved at most
 PER_ORIENTATION = 4  # of these, of each orientation of an attached tool, from where the robot is
+SWING = 1.5  # rad that a joint turns to a contact, from where on a configuration nearer to the robot's is looked for
+LESS_SWING = 0.5  # rad by which it has to be nearer
 STRETCHED = 0.85  # of an arm's span, from where on it seldom follows
 OPENING_RESOLUTION = 1e-4  # m: contacts whose fingers open alike to this are checked together
 
@@ -96,7 +98,28 @@ def feasible_contacts(
         if best() >= bound[order[0]]:
             return found
     try_all(order, near=False)
-    return found
+    return [_nearer(manipulation, contacts[f.index], f, object_poses, release, rng) for f in found]
+
+
+def _nearer(
+    manipulation: Manipulation,
+    contact: ContactPoint,
+    found: Feasible,
+    object_poses: np.ndarray,
+    release: np.ndarray,
+    rng: np.random.Generator,
+) -> Feasible:
+    """The same contact with configurations nearer to where the robot is, if the arm would swing far to those found."""
+    start = manipulation.state.q[manipulation.robot]
+    swing = float(np.abs(found.keyframes[0] - start).max())
+    if swing <= SWING:
+        return found
+    ok, q = reachable(manipulation, [contact], object_poses[0], rng, near=True)
+    if not ok[0] or np.abs(q[0] - start).max() > swing - LESS_SWING:
+        return found
+    ahead = slice(0, len(found.keyframes))
+    keyframes = carried(manipulation, contact, q[0], object_poses[ahead], release[ahead])
+    return Feasible(found.index, keyframes) if len(keyframes) == len(found.keyframes) else found
 
 
 def promising(

@@ -20,7 +20,7 @@ RANKED_FIRST = 3  # of these; the others are ranked only if the best of the firs
 LOOKED_AT = 2  # of the best that a ranker names; one if it serves as far as expected
 CERTAIN = 0.5  # probability times share of the path, from which on no contact is generated to compare grasps
 FROM_ABOVE = float(np.cos(np.deg2rad(45.0)))  # cosine between the hand's approach and the vertical
-TURN_STEP = float(np.deg2rad(45.0))  # rad; turns of a tool that differ by less count alike
+TURN_STEP = float(np.deg2rad(45.0))  # rad; travels that differ by less count alike
 SHARE_OF_BEST = 0.5  # reach, as a share of the best, from which on a tool and robot count as good
 
 
@@ -29,20 +29,21 @@ class _Bound(NamedTuple):
 
     Attributes:
         reach: index of the farthest pose to which hand, tool and object may go; -1: they cannot meet.
-        turn: how far the hand turns from where it picks the tool to the nearest such contact, in steps of TURN_STEP.
+        travel: how far the arm turns to where it picks the tool, and the hand from there to the nearest such contact,
+            in steps of TURN_STEP.
         count: number of such contacts.
     """
 
     reach: int = -1
-    turn: int = 0
+    travel: int = 0
     count: int = 0
 
 
 def _by_reach(entry: tuple[ToolGrasp, _Bound]) -> tuple[int, bool, int, int]:
-    """Sorts grasps by how far they serve, then from above, then by how little the tool is turned, then by with how many
-    contacts, the best first."""
+    """Sorts grasps by how far they serve, then from above, then by how little arm and tool are turned, then by with how
+    many contacts, the best first."""
     grasp, bound = entry
-    return -bound.reach, not _from_above(grasp.contact.contact, grasp.T_place), bound.turn, -bound.count
+    return -bound.reach, not _from_above(grasp.contact.contact, grasp.T_place), bound.travel, -bound.count
 
 
 def _from_above(contact: ContactPoint, T_tool: np.ndarray) -> bool:
@@ -51,13 +52,24 @@ def _from_above(contact: ContactPoint, T_tool: np.ndarray) -> bool:
     return bool(toward[2] < -FROM_ABOVE)
 
 
-def _turn(grasp: ToolGrasp, contacts: Sequence[ContactPoint], T_object: np.ndarray) -> int:
-    """How far the hand turns from where it picks a tool to the nearest of the tool's contacts on an object at T_object
-    (7,), in steps of TURN_STEP."""
+def _travel(grasp: ToolGrasp, contacts: Sequence[ContactPoint], state: SceneState, T_object: np.ndarray) -> int:
+    """How far an arm turns to pick a tool, by its farthest joint, and then to the nearest of some contacts.
+
+    Args:
+        grasp: on the tool.
+        contacts: of the tool on an object.
+        state: where the arm is.
+        T_object: (7,) pose of the object.
+
+    Returns:
+        Steps of TURN_STEP.
+    """
     picked = rotation_matrix(grasp.T_place) @ rotation_matrix(grasp.contact.contact.T_obj_ee)
     hands = rotation_matrix(T_object) @ rotation_matrices(np.array([contact.T_obj_ee for contact in contacts]))
     cosine = 0.5 * (np.einsum("ij,nij->n", picked, hands) - 1.0)
-    return round(float(np.arccos(np.clip(cosine, -1.0, 1.0)).min()) / TURN_STEP)
+    turn = float(np.arccos(np.clip(cosine, -1.0, 1.0)).min())
+    swing = float(np.abs(grasp.contact.keyframes[0] - state.q[grasp.robot]).max())
+    return round((turn + swing) / TURN_STEP)
 
 
 class ToolGraspFinder(Protocol):
@@ -201,7 +213,7 @@ class ToolGraspSearch:
                 reach = int(bounds.max())
                 if reach > best.reach:
                     farthest = [batch.contacts[k] for k in np.flatnonzero(bounds == reach)]
-                    best = _Bound(reach, _turn(grasp, farthest, object_poses[0]), len(farthest))
+                    best = _Bound(reach, _travel(grasp, farthest, state, object_poses[0]), len(farthest))
             if best.reach >= least_reach(object_poses):
                 break
         return best
