@@ -250,3 +250,24 @@ def test_a_push_ends_where_the_object_leaves_its_support(scene):
     edge = pose((*table.pose[:1], poses[5, 1] - 1.2, table.pose[2]))  # the middle of the brick passes it at pose 5
     cut = replace(scene, bodies=scene.bodies | {"table": replace(table, pose=edge)})
     assert 0 < reach_bounds(manipulation(cut), pushes, poses).max() <= 5
+
+
+def test_a_far_swing_is_replaced_by_a_configuration_near_the_arm(scene):
+    poses = line(scene)
+    task = manipulation(scene)
+
+    def found() -> np.ndarray:
+        contacts = feasible_contacts(task, FROM_ABOVE[2:], poses, anywhere(poses), np.random.default_rng(0), 2, 1)
+        return contacts[0].keyframes
+
+    from_home = found()
+    others = (reachable(task, FROM_ABOVE[2:], poses[0], np.random.default_rng(k), from_home=False) for k in range(20))
+    far = (q[0] for ok, q in others if ok[0] and np.abs(q[0] - from_home[0]).max() > 2.0)
+    task.state.q["arm"] = next(
+        q for q in far if len(carried(task, FROM_ABOVE[2], q, poses, anywhere(poses))) == len(poses)
+    )
+    nearer = found()
+    assert len(nearer) == len(from_home) == len(poses)
+    assert np.abs(nearer[0] - task.state.q["arm"]).max() < 0.5
+    hands = [task.arm.end_effector(q) for q in (nearer[0], from_home[0])]
+    np.testing.assert_allclose(hands[0], hands[1], atol=1e-3)
