@@ -98,7 +98,7 @@ def _first_pushes(
     for k in np.flatnonzero(away <= AWAY):
         at, begin = planner.pose(a), 0.0
         while begin < longest:
-            leg = rays.leg(k, begin + LENGTH_STEP)
+            leg = rays.leg(int(k), begin + LENGTH_STEP)
             to = planner.pose(a + np.r_[leg.along(leg.length), leg.turn])
             if not planner.checker.motion_free(at, to):
                 break
