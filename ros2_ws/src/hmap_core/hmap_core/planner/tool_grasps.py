@@ -31,19 +31,19 @@ class _Bound(NamedTuple):
         reach: index of the farthest pose to which hand, tool and object may go; -1: they cannot meet.
         travel: how far the arm turns to where it picks the tool, and the hand from there to the nearest such contact,
             in steps of TURN_STEP.
-        count: number of such contacts.
+        contacts: how many of these there are.
     """
 
     reach: int = -1
     travel: int = 0
-    count: int = 0
+    contacts: int = 0
 
 
 def _by_reach(entry: tuple[ToolGrasp, _Bound]) -> tuple[int, bool, int, int]:
     """Sorts grasps by how far they serve, then from above, then by how little arm and tool are turned, then by with how
     many contacts, the best first."""
     grasp, bound = entry
-    return -bound.reach, not _from_above(grasp.contact.contact, grasp.T_place), bound.travel, -bound.count
+    return -bound.reach, not _from_above(grasp.contact.contact, grasp.T_place), bound.travel, -bound.contacts
 
 
 def _from_above(contact: ContactPoint, T_tool: np.ndarray) -> bool:
