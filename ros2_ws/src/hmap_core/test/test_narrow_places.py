@@ -1,5 +1,7 @@
 """Contacts in narrow places, which few of thousands fit: what the hand alone can make, also drawn back a little."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,8 @@ from hmap_core.exceptions import Code, ContactError
 from hmap_core.planner.diagnosis import hand_fits_at_goal
 from hmap_core.planner.obstacle_removal import _Tries
 from hmap_core.planner.outcome import Failure
-from hmap_core.planner.sampled_contacts import SampledContacts
+from hmap_core.planner.protocols import ContactQuery
+from hmap_core.planner.sampled_contacts import SampledContacts, first_direction
 from hmap_core.planner.solution_sequence import Subgoal
 from hmap_core.planner.tool_grasps import ToolGraspSearch
 from hmap_core.scenes import load_scene
@@ -73,7 +76,7 @@ def scene_of(folder, text):
     return load_scene(str(file))
 
 
-@pytest.mark.parametrize(("x", "fits"), [(0.553, True), (0.6, False)])
+@pytest.mark.parametrize(("x", "fits"), [(0.553, True), (0.64, False)])
 def test_a_goal_counts_as_out_of_reach_only_if_drawn_back_hands_do_not_fit_either(tmp_path, x, fits):
     scene = scene_of(tmp_path, NICHE.format(x=x))
     assert hand_fits_at_goal(scene, scene.start_state(), "can", scene.goal.pose) == fits
@@ -101,6 +104,48 @@ def test_drawn_back_grasps_have_less_of_the_pads_on_the_object():
     assert apply(inverse(moved.T_obj_ee), deep.point) == pytest.approx([0.0, 0.02, most])
     np.testing.assert_array_equal(moved.point, deep.point)
     assert drawn_back([], gripper) == []
+
+
+def test_contacts_of_the_hand_alone_are_found_once_for_a_place(tmp_path, monkeypatch):
+    """Whatever the seed, the place to which the object goes, and where its arm is; not where it stands elsewhere."""
+    scene = scene_of(tmp_path, NICHE.format(x=0.6))
+    looked, look = [], SampledContacts._looked_through
+
+    def counted(self, query, *rest):
+        looked.append(query)
+        return look(self, query, *rest)
+
+    monkeypatch.setattr(SampledContacts, "_looked_through", counted)
+
+    def last(seed, turn, at, to):
+        state = scene.start_state()
+        state.q["arm"] = state.q["arm"] + turn
+        state.poses["can"] = at
+        path = np.linspace(at, to, 30)
+        query = ContactQuery(replace(scene, motion="spatial"), state, "can", path, "arm", np.random.default_rng(seed))
+        return [contact.T_obj_ee.tolist() for contact in list(SampledContacts().propose(query))[-1].contacts]
+
+    goal = scene.goal.pose
+    above, higher = goal + np.r_[0.0, 0.0, 0.05, np.zeros(4)], goal + np.r_[0.0, 0.0, 0.08, np.zeros(4)]
+    first = last(1, 0.0, goal, above)
+    assert last(2, 0.1, goal, higher) == first and len(looked) == 1
+    last(1, 0.0, goal + np.r_[-0.01, np.zeros(6)], above)
+    assert len(looked) == 2
+
+
+def test_the_first_direction_of_a_path():
+    start = np.array([0.3, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0])
+
+    def along(*way):
+        return np.array([start, start + np.r_[way, np.zeros(4)]])
+
+    np.testing.assert_array_equal(first_direction(along(0.002, 0.0, 0.01)), (0.0, 0.0, 1.0))
+    np.testing.assert_array_equal(first_direction(along(-0.01, 0.006, 0.0)), (-1.0, 1.0, 0.0))
+    np.testing.assert_array_equal(first_direction(start[None]), np.zeros(3))
+    np.testing.assert_array_equal(first_direction(along(0.0, 0.0, 0.0)), np.zeros(3))
+    turned = along(0.01, 0.0, 0.0)
+    turned[1, 3:] = np.array([0.0, 0.0, np.sin(0.1), np.cos(0.1)])
+    assert first_direction(turned) is None
 
 
 def test_places_at_another_height_come_first_where_two_at_one_had_no_contact():

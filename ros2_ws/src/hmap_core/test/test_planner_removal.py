@@ -20,6 +20,7 @@ from hmap_core.planner.obstacle_removal import (
 )
 from hmap_core.planner.outcome import Failure, Solution
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
+from hmap_core.planner.strategies.remove_obstacles import nearest_first
 from hmap_core.types import Goal
 from hmap_core.validation import check
 
@@ -204,6 +205,46 @@ def test_a_body_that_others_cover_waits_for_them(tmp_path):
     solution = removal.clear(Subgoal(scene.goal), SolutionSequence(scene.start_state()), ["box_0", "box_1"], ())
     assert solution.aside == ("box_1", "box_0")
     assert planner.asked == [*["box_0"] * PLACES_BLOCKED, "box_1", "box_0"]
+
+
+class Stuck:
+    """A strategy that notes a body on the path of object and hand, and one after it that fails otherwise."""
+
+    name = "stuck"
+
+    def __init__(self, error=None):
+        self._error = error
+
+    def applies(self, task):
+        return True
+
+    def solve(self, search, task):
+        if self._error is not None:
+            task.blocked = Failure.of(self._error, ends_round=True)
+        return Failure.of(PlannerError("the arm does not reach it", Code.NO_MOTION))
+
+
+@pytest.mark.parametrize("others", [False, True])
+def test_a_body_on_the_path_of_a_hand_is_told_though_other_strategies_fail_otherwise(tmp_path, monkeypatch, others):
+    """What was behind others counted as stuck, and was tried at all its places before these were removed."""
+    scene = eight(tmp_path)
+    subgoal = Subgoal(Goal("box_2", scene.bodies["box_2"].pose), depth=1, alone=True)
+    error = blocked(subgoal, "box_1") if others else None
+    monkeypatch.setattr("hmap_core.planner.search.PATH_STRATEGIES", (Stuck(error), Stuck()))
+    search = PlanningJob(HmapPlanner(), scene, seed=1).search
+    outcome = search.round(subgoal, SolutionSequence(scene.start_state()), 0)
+    assert outcome.ends_round == others and (outcome.error is error) == others
+
+
+def test_of_bodies_one_behind_the_other_the_nearest_to_the_robot_goes_first(tmp_path):
+    """The object met the farthest first, as it came from behind them."""
+    scene = eight(tmp_path)
+    state = scene.start_state()
+    base = next(iter(scene.robots.values())).base_pose[:3]
+    for name, away in (("box_0", 0.7), ("box_1", 0.5), ("box_2", 0.505)):
+        state.poses[name] = np.r_[base + (away, 0.0, 0.0), state.poses[name][3:]]
+    sequence = SolutionSequence(state)
+    assert nearest_first(scene, sequence, ("box_0", "box_2", "box_1")) == ("box_2", "box_1", "box_0")
 
 
 def test_a_body_without_any_contact_is_not_tried_at_many_places(tmp_path):

@@ -204,10 +204,10 @@ def _bounds(
         )  # fmt: skip
         bound[members] = np.where(place >= 0, limit[np.minimum(place, within[members] - 1)], -1)
     scene = manipulation.scene
-    hand = hand_of(scene.robots[manipulation.robot])
     body = scene.bodies[manipulation.handled]
     slides = np.array([contact.kind == ContactKind.PUSH for contact in contacts])
     if (bound[slides] > 0).any():
+        hand = hand_of(scene.robots[manipulation.robot])
         bound = np.minimum(bound, push_reach(body, hand, contacts, object_poses))
         if scene.mode == TaskMode.PHYSICAL and (bound[slides] > 0).any():
             bound[slides] = np.minimum(bound[slides], _on_support(manipulation, object_poses))
@@ -233,6 +233,8 @@ def _on_support(manipulation: Manipulation, object_poses: np.ndarray) -> int:
 
 def coarse(M: int) -> np.ndarray:
     """Indices of at most COARSE_POSES of M poses, the first and the last among them."""
+    if M <= COARSE_POSES:
+        return np.arange(M)
     return np.unique(np.round(np.linspace(0, M - 1, min(M, COARSE_POSES))).astype(int))
 
 

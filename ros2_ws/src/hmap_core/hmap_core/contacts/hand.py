@@ -11,7 +11,7 @@ from hmap_core.contacts.candidates import SHALLOWEST, Hand
 from hmap_core.kinematics.arm import LINK_TOLERANCE, Arm, LinkHull, load_arm
 from hmap_core.komo.shapes import body_set
 from hmap_core.komo.surroundings import hull_set
-from hmap_core.transforms import IDENTITY, apply, from_matrix, inverse, multiply, pose
+from hmap_core.transforms import IDENTITY, apply, from_matrix, inverse, multiply, pose, rotation_matrices
 from hmap_core.types import Body, ContactKind, ContactPoint, Gripper, Robot, ShapeKind
 
 PALM_STEP = 0.001  # m; the palm's distance is rounded down to a multiple
@@ -107,14 +107,16 @@ def drawn_back(contacts: Sequence[ContactPoint], gripper: Gripper) -> list[Conta
     Returns:
         New contacts, with the hand drawn back by LEAST_BACK or more; grasps that cannot be are left out.
     """
-    moved = []
-    for contact in contacts:
-        if contact.kind == ContactKind.GRASP:
-            deep = apply(inverse(contact.T_obj_ee), contact.point)[2]  # how far the hand is drawn back already
-            back = SHALLOWEST * gripper.tip_offset - deep
-            if back >= LEAST_BACK:
-                moved.append(replace(contact, T_obj_ee=multiply(contact.T_obj_ee, pose((0.0, 0.0, -back)))))
-    return moved
+    grasps = [contact for contact in contacts if contact.kind == ContactKind.GRASP]
+    if not grasps:
+        return []
+    frames = np.array([contact.T_obj_ee for contact in grasps])
+    along = rotation_matrices(frames)[:, :, 2]  # the approach
+    points = np.array([contact.point for contact in grasps])
+    deep = np.einsum("ki,ki->k", points - frames[:, :3], along)  # how far the hands are drawn back already
+    back = SHALLOWEST * gripper.tip_offset - deep
+    frames[:, :3] -= back[:, None] * along
+    return [replace(grasps[k], T_obj_ee=frames[k]) for k in np.flatnonzero(back >= LEAST_BACK)]
 
 
 def drop_unfit_grasps(body: Body, contacts: Sequence[ContactPoint], robot: Robot) -> list[ContactPoint]:

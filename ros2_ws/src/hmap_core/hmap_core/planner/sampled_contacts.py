@@ -1,12 +1,14 @@
 """Contacts sampled on the surface of an object: the sampling half of Algorithm 3."""
 
+from collections import OrderedDict
 from collections.abc import Iterator
+from itertools import chain
 
 import numpy as np
 
 from hmap_core.contacts.access import accessible
 from hmap_core.contacts.camera import SKIN, Cloud, visible_points
-from hmap_core.contacts.candidates import Situation
+from hmap_core.contacts.candidates import Hand, Situation
 from hmap_core.contacts.feasibility import reach_bounds
 from hmap_core.contacts.free_rotation import reached_frames
 from hmap_core.contacts.grasp_torque import pad_balance, push_torque_ratio
@@ -27,6 +29,10 @@ MAX_CONTACTS = 480  # proposed for one robot
 ACCESS = 0.002  # m of room before a point of the surface that an arm without fingers, or a tool, needs
 PAD_BALANCE = 0.5  # of a finger's pad on an object: the narrower side of its middle to the wider
 MORE_CONTACTS = 6000  # that are looked at by the hand alone where none of these serves
+PLACE_SEED = 0  # of the contacts that are looked at by the hand alone
+PLACES_KEPT = 64  # for which these are kept
+STEP = 0.01  # m of the object's path for which these are ranked
+TURNS = 1e-6  # how much less than 1 the product of two unit quaternions is where an object counts as turned
 TURNING_SHARE = 0.7  # of the friction against turning between the fingers that weight or pushing may use
 
 
@@ -53,26 +59,12 @@ class SampledContacts:
         if surface is None:
             surface = sampled_surface(scene, query.state, query.object, poses[0], query.rng)
         hand = hand_of(placed)
-        room = ACCESS if hand.gripper is None else hand.gripper.pad_half_width
-        check_time()
-        near = box_of(scene.bodies[query.object], poses[0]) + (room + SKIN) * np.array([[-1.0], [1.0]])
-        others = shapes_in_box(_others(scene, query.state, query.object), near)
-        around = solids([(shape, T) for other, T in others for shape in other.shapes])
-        check_time()
-        surface = surface[accessible(surface, poses[0], around, room)]
         ahead = poses[1] if len(poses) > 1 else None
         limited = load_arm(placed.model).mobility < ALL_DIRECTIONS
         situation = Situation(poses[0], ahead, placed.base_pose[:3], _home_orientation(placed) if limited else None)
         body, total = scene.bodies[query.object], 0
-        left: list[Iterator[list[ContactPoint]]] = []
-        sources = (query.cloud, False), (surface[surface.seen], False), (surface[~surface.seen], False), (surface, True)
-        for points, spanning in sources:
-            if points is None or not len(points):
-                continue
-            left.append(
-                sample_contacts(body, points, hand, scene.mode, situation, query.rng, BATCH, spanning, self._uniform)
-            )
-            for batch in left[-1]:
+        for batches in self._sources(query, hand, surface, situation, query.rng):
+            for batch in batches:
                 total += len(batch)
                 check_time()
                 if limited:
@@ -83,21 +75,68 @@ class SampledContacts:
                     break
         if not limited:
             yield ContactProposals(())
-            free = self._free_for_hand(query, left)
+            free = self._free_for_hand(query)
             if free:
                 yield ContactProposals(tuple(free))
 
-    def _free_for_hand(self, query: ContactQuery, left: list[Iterator[list[ContactPoint]]]) -> list[ContactPoint]:
-        """Those of the contacts that were not proposed yet which the hand alone can make where the object is.
+    def _sources(
+        self, query: ContactQuery, hand: Hand, surface: Cloud, situation: Situation, rng: np.random.Generator
+    ) -> Iterator[Iterator[list[ContactPoint]]]:
+        """Batches of contacts by where they come from: measured, seen, not seen, across a gap between two walls."""
+        scene, T = query.scene, query.object_poses[0]
+        body = scene.bodies[query.object]
+        room = ACCESS if hand.gripper is None else hand.gripper.pad_half_width
+        check_time()
+        near = box_of(body, T) + (room + SKIN) * np.array([[-1.0], [1.0]])
+        others = shapes_in_box(_others(scene, query.state, query.object), near)
+        around = solids([(shape, pose) for other, pose in others for shape in other.shapes])
+        check_time()
+        surface = surface[accessible(surface, T, around, room)]
+        sources = (query.cloud, False), (surface[surface.seen], False), (surface[~surface.seen], False), (surface, True)
+        for points, spanning in sources:
+            if points is not None and len(points):
+                yield sample_contacts(body, points, hand, scene.mode, situation, rng, BATCH, spanning, self._uniform)
+
+    def _free_for_hand(self, query: ContactQuery) -> list[ContactPoint]:
+        """Those of thousands of contacts which the hand alone can make where the object is.
+
+        They are found once for all paths that begin alike: their random numbers are those of the place, not of the
+        query. What was measured of the object is looked at each time.
+        """
+        manipulation = Manipulation(query.scene, query.state, query.robot, query.object)
+        way = first_direction(query.object_poses)
+        if query.cloud is not None or way is None:
+            ahead = query.object_poses[1] if len(query.object_poses) > 1 else None
+            return self._looked_through(query, manipulation, ahead, query.rng)
+        key = self._uniform, way.tobytes(), *_place(query)
+        known = _FREE.get(key)
+        if known is None:
+            T = query.object_poses[0]
+            ahead = np.concatenate([T[:3] + STEP * way, T[3:]]) if way.any() else None
+            free = self._looked_through(query, manipulation, ahead, np.random.default_rng(PLACE_SEED))
+            known = _FREE[key] = query.scene, free  # it holds the bodies, so that no others get their ids
+            if len(_FREE) > PLACES_KEPT:
+                _FREE.popitem(last=False)
+        return known[1]
+
+    def _looked_through(
+        self, query: ContactQuery, manipulation: Manipulation, ahead: np.ndarray | None, rng: np.random.Generator
+    ) -> list[ContactPoint]:
+        """The contacts that the hand alone can make, of MORE_CONTACTS.
+
+        The object goes on to the pose ``ahead`` (7,), if any.
 
         In narrow places few of thousands can. Grasps that it cannot make are looked at once more with less of the pads
         on the object: the hand then is farther out.
         """
-        manipulation = Manipulation(query.scene, query.state, query.robot, query.object)
-        gripper = hand_of(query.scene.robots[query.robot]).gripper
+        placed, T = query.scene.robots[query.robot], query.object_poses[0]
+        hand = hand_of(placed)
+        gripper = hand.gripper
+        surface = sampled_surface(query.scene, query.state, query.object, T, rng)
+        situation = Situation(T, ahead, placed.base_pose[:3])
         free: list[ContactPoint] = []
         looked = 0
-        for batch in (batch for batches in left for batch in batches):
+        for batch in chain.from_iterable(self._sources(query, hand, surface, situation, rng)):
             looked += len(batch)
             placed = batch if gripper is None else align_pads(batch, gripper)
             bound = reach_bounds(manipulation, placed, query.object_poses[:1])
@@ -125,6 +164,36 @@ class SampledContacts:
             check_time()
             return drop_unfit_grasps(body, align_pads(batch, hand.gripper), placed)
         return batch
+
+
+_FREE: OrderedDict[tuple, tuple[Scene, list[ContactPoint]]] = OrderedDict()  # the last PLACES_KEPT
+
+
+def _place(query: ContactQuery) -> tuple:
+    """What the contacts depend on that a hand alone can make; not where its own arm is."""
+    scene, state = query.scene, query.state
+    bodies = tuple((name, id(body), state.poses[name].tobytes()) for name, body in scene.bodies.items())
+    others = tuple(
+        (name, id(robot), state.gripper[name], state.q[name].tobytes())
+        for name, robot in scene.robots.items()
+        if name != query.robot
+    )
+    own = query.robot, id(scene.robots[query.robot]), query.object, query.object_poses[0].tobytes()
+    return own, scene.mode, id(scene.cameras), bodies, others
+
+
+def first_direction(poses: np.ndarray) -> np.ndarray | None:
+    """The direction (3,) in which a path (M, 7) begins, its largest number 1, each rounded to -1, 0 or 1.
+
+    Zero for a path of one pose, and where the object stays; None if the object turns first.
+    """
+    if len(poses) == 1:
+        return np.zeros(3)
+    if abs(float(poses[0, 3:] @ poses[1, 3:])) < 1.0 - TURNS:
+        return None
+    way = poses[1, :3] - poses[0, :3]
+    length = float(np.abs(way).max())
+    return np.round(way / length) + 0.0 if length > 0.0 else np.zeros(3)
 
 
 def _home_orientation(robot: Robot) -> np.ndarray:

@@ -109,6 +109,8 @@ class Search:
         with self.context.record.tree.attempt(f"round {number + 1}: '{subgoal.goal.object}' {subgoal.reason}"):
             outcome = self.run(PATH_STRATEGIES, task)
             if isinstance(outcome, Failure) and not outcome.ends_round:
+                if task.blocked is not None:
+                    return task.blocked
                 reachability.check_goal(self.context, task)
             return outcome
 

@@ -52,6 +52,8 @@ class PathTask:
         unserved: directions (rad, world frame) in which no contact brought the object on.
         hands: contacts that serve at the start and at the goal, as far as they were found.
         relay: whether robots grasp the object, and none of them reaches one grasp at both ends.
+        blocked: failure on a path of the object and a hand, on which a body stands that may not be moved for this
+            subgoal.
     """
 
     subgoal: Subgoal
@@ -65,6 +67,7 @@ class PathTask:
     unserved: list[float] = field(default_factory=list)
     hands: list[EndGrasp] = field(default_factory=list)
     relay: bool = False
+    blocked: Failure | None = None
 
     @property
     def object(self) -> str:

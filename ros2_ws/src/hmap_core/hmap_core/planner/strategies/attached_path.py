@@ -8,7 +8,7 @@ from hmap_core.planner.attached_path import attached_paths
 from hmap_core.planner.context import SearchContext
 from hmap_core.planner.goals import goal_of_round, path_scene
 from hmap_core.planner.interfaces import AttachedPath
-from hmap_core.planner.obstacle_removal import RemovalError
+from hmap_core.planner.obstacle_removal import BlockedError, RemovalError
 from hmap_core.planner.obstruction import without
 from hmap_core.planner.outcome import Failure, Outcome, Solution
 from hmap_core.planner.strategies.remove_obstacles import clear_path, removable_load
@@ -43,6 +43,8 @@ class AttachedPathStrategy:
                 if isinstance(cleared, Failure):
                     if isinstance(cleared.error, RemovalError):
                         record.failed(cleared.error)
+                    if isinstance(cleared.error, BlockedError):
+                        task.blocked = cleared
                     continue
                 outcome = search.follow(subgoal, cleared.sequence, path.poses, cleared.known)
             if isinstance(outcome, Solution) or outcome.ends_round:

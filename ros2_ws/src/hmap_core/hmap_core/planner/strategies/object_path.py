@@ -10,6 +10,7 @@ from hmap_core.contacts.grip_width import grip_problem
 from hmap_core.contacts.grippable import grippable
 from hmap_core.contacts.hand import hand_of
 from hmap_core.exceptions import Code
+from hmap_core.planner.contact_filters import NoneServes
 from hmap_core.planner.context import SearchContext
 from hmap_core.planner.goals import GOAL_SHARE, goal_of_round, path_scene, slides_only
 from hmap_core.planner.immovable import first_immovable
@@ -17,10 +18,11 @@ from hmap_core.planner.obstacle_removal import StuckError
 from hmap_core.planner.obstruction import without
 from hmap_core.planner.outcome import Failure, Outcome, Solution
 from hmap_core.planner.protocols import ObjectPathQuery
+from hmap_core.planner.sampled_contacts import first_direction
 from hmap_core.planner.strategies.pushed_paths import push_planner
 from hmap_core.planner.strategies.remove_obstacles import clear_path, removable_load, why_stuck
 from hmap_core.planner.tasks import PathTask
-from hmap_core.planner.tools import with_tool_placed
+from hmap_core.planner.tools import tools_of, with_tool_placed
 from hmap_core.types import Goal, Scene, SceneState, TaskMode
 from hmap_core.waypoints import NoObjectPath, ObjectPath
 
@@ -71,7 +73,7 @@ class ObjectPathStrategy:
             if isinstance(outcome, Solution) or outcome.ends_round:
                 return outcome
             task.stopped(outcome, task.poses)
-            if blockers or counts["contact_tries"] > tries:
+            if blockers or counts["contact_tries"] > tries or _no_grasp(context.scene, task, outcome):
                 break
         return outcome
 
@@ -106,6 +108,15 @@ class ObjectPathStrategy:
                 return failure
             node.fail(stuck.stage, stuck.code, stuck.reason)
         return Failure.of(stuck, ends_round=True)
+
+
+def _no_grasp(scene: Scene, task: PathTask, failure: Failure) -> bool:
+    """Whether no hand has a contact where a path begins that lifts; other paths would begin with the same grasps."""
+    unreached = failure.at == 0 and failure.code == Code.NO_CONTACT and not isinstance(failure.error, NoneServes)
+    if not unreached or task.kinematic or tools_of(scene, task.object):
+        return False
+    direction = first_direction(task.poses)
+    return direction is not None and direction[2] > 0.0
 
 
 def _with_grip(error: NoObjectPath, scene: Scene, task: PathTask) -> NoObjectPath:

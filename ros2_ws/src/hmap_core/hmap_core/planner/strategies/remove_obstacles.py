@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from hmap_core.planner.search import Search
 
 
+ALIKE = 0.02  # m by which distances of bodies from a robot differ where neither stands before the other
+
+
 class RemoveObstacles:
     """At a waypoint: solve the relaxed problem without the removable bodies, then remove those that its motion hits."""
 
@@ -89,7 +92,7 @@ def clear_path(
     if placed is None:
         return search.context.record.last_failure()
     scene = search.context.scene
-    ordered = met(scene, placed.state, subgoal.goal.object, poses, _nearest_first(scene, placed, blockers))
+    ordered = nearest_first(scene, placed, met(scene, placed.state, subgoal.goal.object, poses, blockers))
     return _removed(search, subgoal, placed, found.with_all(ordered), found)
 
 
@@ -164,18 +167,21 @@ def solve_relaxed(
         hit = in_motions(scene, sequence.state, motions, gone)
         if not hit and not blockers:
             return outcome
-        hit = _nearest_first(scene, sequence, hit)
+        hit = nearest_first(scene, sequence, hit)
         sweeps = [object_sweep(scene, object, ahead)]
         sweeps += [way for m in motions for way in motion_sweeps(scene, sequence.state, m, CONTACT_ROOM)]
         return RelaxedSolution(outcome.contact, outcome.tool_grasp, hit, tuple(sweeps))
     return context.record.last_failure()
 
 
-def _nearest_first(scene: Scene, sequence: SolutionSequence, names: Sequence[str]) -> tuple[str, ...]:
-    """Names of bodies, those nearest to the base of a robot first: what stands before others has to go before them."""
+def nearest_first(scene: Scene, sequence: SolutionSequence, names: Sequence[str]) -> tuple[str, ...]:
+    """Names of bodies, those nearest to the base of a robot first: what stands before others has to go before them.
+
+    Distances that differ by less than ALIKE count as the same; these bodies keep their order.
+    """
     bases = [robot.base_pose[:3] for robot in scene.robots.values()]
 
     def away(name: str) -> float:
         return min(float(np.linalg.norm(sequence.state.poses[name][:3] - base)) for base in bases)
 
-    return tuple(sorted(names, key=away))
+    return tuple(sorted(names, key=lambda name: round(away(name) / ALIKE)))
