@@ -129,11 +129,11 @@ class SampledContacts:
         In narrow places few of thousands can. Grasps that it cannot make are looked at once more with less of the pads
         on the object: the hand then is farther out.
         """
-        placed, T = query.scene.robots[query.robot], query.object_poses[0]
-        hand = hand_of(placed)
+        robot, T = query.scene.robots[query.robot], query.object_poses[0]
+        hand = hand_of(robot)
         gripper = hand.gripper
         surface = sampled_surface(query.scene, query.state, query.object, T, rng)
-        situation = Situation(T, ahead, placed.base_pose[:3])
+        situation = Situation(T, ahead, robot.base_pose[:3])
         free: list[ContactPoint] = []
         looked = 0
         for batch in chain.from_iterable(self._sources(query, hand, surface, situation, rng)):
