@@ -12,7 +12,7 @@ from hmap_core.planner.robot_order import robot_order
 from hmap_core.planner.sampled_contacts import SampledContacts
 from hmap_core.planner.steps import Manipulator
 from hmap_core.planner.strategies import ATTACHED_FIRST, CONTACT_STRATEGIES, TOOL_FIRST
-from hmap_core.planner.tool_grasps import ToolGraspSearch
+from hmap_core.planner.tool_grasps import LOOKED_AT, ToolGraspSearch
 from hmap_core.scenes import load_scene
 
 
@@ -117,6 +117,32 @@ def test_no_tool_is_looked_at_first_that_is_not_expected_to_serve(scene):
     search = ToolGraspSearch(SampledContacts(), poor)
     search._bound = None  # no contact of a tool is generated
     assert search.tool_grasps(scene, state, name, ahead, 0, 60.0, likely=0.35) == [] and poor.asked == 1
+
+
+@pytest.mark.parametrize("likely, all_looked_at", [(0.35, False), (0.0, True)])
+def test_before_hands_only_the_tool_grasps_that_a_ranker_names_are_looked_at(scene, likely, all_looked_at):
+    state, name = scene.start_state(), "cube"
+    search, looked_at = ToolGraspSearch(SampledContacts(), Ranker(hold=0.4)), []
+
+    def serves_nothing(*arguments):
+        looked_at.append(arguments)
+        return SimpleNamespace(reach=-1)
+
+    search._bound = serves_nothing
+    assert search.tool_grasps(scene, state, name, np.tile(state.poses[name], (10, 1)), 0, 60.0, likely=likely) == []
+    assert len(looked_at) > LOOKED_AT if all_looked_at else len(looked_at) == LOOKED_AT
+
+
+def test_the_order_of_a_ranker_that_expects_little_of_all_tool_grasps_does_not_count(scene):
+    state, name = scene.start_state(), "cube"
+    ahead = np.tile(state.poses[name], (12, 1))
+    ahead[:, 0] += 0.004 * np.arange(12)
+    chosen = [
+        ToolGraspSearch(SampledContacts(), ranker).tool_grasps(scene, state, name, ahead, 0, 60.0)
+        for ranker in (None, Ranker(hold=0.1))
+    ]
+    frames = [[(grasp.contact.contact.T_obj_ee.tolist(), bound) for grasp, bound in grasps] for grasps in chosen]
+    assert frames[0] and frames[0] == frames[1]
 
 
 @pytest.mark.parametrize("expected", [0.0, 1.0])

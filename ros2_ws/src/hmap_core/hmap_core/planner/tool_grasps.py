@@ -10,6 +10,7 @@ from hmap_core.contacts.feasibility import reach_bounds, reachable
 from hmap_core.planner.contact_checker import cleared, least_reach, secure_grasps
 from hmap_core.planner.interfaces import RobotContact, ToolGrasp
 from hmap_core.planner.protocols import ContactProposals, ContactProposer, ContactQuery, ManipulatorRanker
+from hmap_core.planner.robot_order import UNLIKELY
 from hmap_core.planner.tools import attach_tool, farthest_points, tools_of, within_reach
 from hmap_core.transforms import rotation_matrices, rotation_matrix
 from hmap_core.types import ContactPoint, Scene, SceneState
@@ -81,7 +82,8 @@ class ToolGraspFinder(Protocol):
     ) -> list[tuple[ToolGrasp, int]]:  # fmt: skip
         """Return grasps on tools, the best first, each with the index of the pose to which it may serve at best.
 
-        A ranker's grasps may be left out if none is expected to serve with the probability ``likely``.
+        A ranker's grasps may be left out if none is expected to serve with the probability ``likely``, or the best of
+        them do not serve.
         """
         ...
 
@@ -105,7 +107,8 @@ class ToolGraspSearch:
 
         Inverse kinematics is solved only for picking the tool. Of grasps that reach equally far, the one with the most
         contacts that do so comes first: it leaves the most room. If none of the contacts with the best score serves
-        for any grasp, all contacts are looked at: in narrow places few of thousands are free.
+        for any grasp, all contacts are looked at: in narrow places few of thousands are free. The order of a ranker
+        does not count where it expects little of all grasps, below UNLIKELY.
 
         Args:
             scene, state: the world, and where everything is.
@@ -114,6 +117,7 @@ class ToolGraspSearch:
             seed: the only source of randomness.
             time_limit: seconds of wall-clock time.
             likely: where no grasp serves more than a few poses with this probability, by the ranker, there are none.
+                Nor are there if the best by the ranker do not serve: not all are looked at then. 0: all may be.
 
         Returns:
             Pairs of a grasp and the index of the farthest pose to which hand, tool and object may go.
@@ -152,13 +156,16 @@ class ToolGraspSearch:
                 return []
             if ordered and expected[0] >= CERTAIN:
                 return [(grasp, least) for grasp in ordered]
-            for grasp, share in zip(ordered[:LOOKED_AT], expected, strict=False):
+            doubtful = probability < UNLIKELY  # then its order says little: tools may be of a kind it does not know
+            for grasp, share in zip([] if doubtful else ordered[:LOOKED_AT], expected, strict=False):
                 if rank([grasp]) >= share * (len(object_poses) - 1):
                     break  # as far as expected: the others are expected to serve less
             if ranked:
                 seen = {id(grasp) for grasp, _ in ranked}
                 others = [(grasp, least) for grasp in ordered if id(grasp) not in seen]
                 return [(grasp, bound.reach) for grasp, bound in sorted(ranked, key=_by_reach)] + others
+            if likely:
+                return []  # the ranker was wrong: hands come first, as without it, before all grasps are looked at
         first = [rank(some[:RANKED_FIRST]) for some in grasps]
         good = SHARE_OF_BEST * max(first, default=0) if ranked else -1.0
         for some, best in zip(grasps, first, strict=True):
