@@ -12,7 +12,8 @@ from hmap_core.exceptions import Code, ContactError, HmapError, InputError, Moti
 from hmap_core.planner import J_MAX, HmapPlanner, PlannerComponents, PlanningJob, RobotContact, SubTrajectory, plan
 from hmap_core.planner.assembly import assemble, state_after
 from hmap_core.planner.protocols import SegmentQuery
-from hmap_core.planner.search import ROUNDS
+from hmap_core.planner.search import MOST_CUT, ROUNDS
+from hmap_core.planner.segments.contact_segment import CutCorner
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
 from hmap_core.planner.strategies import PATH_STRATEGIES
 from hmap_core.planner.strategies.manipulation_graph import ManipulationGraphStrategy
@@ -42,6 +43,7 @@ class Script:
         self.poses: list[np.ndarray] = []
         self.seeds: list[int] = []
 
+    error = MotionError
     tool_grasps = plan_pick = plan_place = propose = promising = None  # there are no tools
 
     @property
@@ -76,7 +78,7 @@ class Script:
     def plan_segment(self, query):
         self.calls.append("motion")
         if self.fail(self.calls.count("motion")):
-            raise MotionError(f"try {self.calls.count('motion')} fails")
+            raise self.error(f"try {self.calls.count('motion')} fails")
         count = len(query.object_poses)
         joints = {"arm": np.repeat(query.state.q["arm"][None], count, 0)}
         trajectory = Trajectory(
@@ -123,6 +125,21 @@ def test_the_inner_loop_tries_the_next_contact_and_stops_at_j_max(scene):
     error = failure(script, scene)
     assert error.code == Code.NO_MOTION and f"try {ROUNDS * J_MAX} fails" in error.reason
     assert script.calls.count("motion") == ROUNDS * J_MAX
+
+
+@pytest.mark.parametrize("of_object", [True, False])
+def test_a_path_on_which_the_object_itself_hits_something_is_left_early(scene, of_object):
+    """Other contacts carry the object along the same path; only what the hand hits changes with the contact."""
+
+    def error(reason):
+        cut = CutCorner(reason)
+        cut.of_object = of_object
+        return cut
+
+    script = Script(contacts=7, fail=lambda k: True)
+    script.error = error
+    assert failure(script, scene).code == Code.NO_MOTION
+    assert script.calls.count("motion") == ROUNDS * (MOST_CUT if of_object else J_MAX)
 
 
 def test_where_no_hand_follows_the_path_one_is_sought_for_a_hand(scene):

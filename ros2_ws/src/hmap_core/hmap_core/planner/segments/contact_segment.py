@@ -44,7 +44,13 @@ ProblemOf = Callable[[int], SkeletonProblem]  # the problem for a number of step
 
 
 class CutCorner(MotionError):
-    """The motion is feasible at its steps, but not between those along the object's path."""
+    """The motion is feasible at its steps, but not between those along the object's path.
+
+    Attributes:
+        of_object: whether it is the object that comes too close to another body there, whichever contact carries it.
+    """
+
+    of_object = False
 
 
 class ContactSegment:
@@ -176,8 +182,12 @@ class ContactSegment:
             if cut_corner:
                 break
         if found is None:
-            error = CutCorner if cut_corner else MotionError
-            raise error(f"robot '{self.robot}' {what} '{self.object}': {result.why}")
+            reason = f"robot '{self.robot}' {what} '{self.object}': {result.why}"
+            if not cut_corner:
+                raise MotionError(reason)
+            error = CutCorner(reason)
+            error.of_object = self.scene.bodies.keys() >= set(result.violations[0].pair)
+            raise error
         return problem, found
 
     def _solved(

@@ -17,7 +17,7 @@ from hmap_core.planner.transit import find_transit
 from hmap_core.planner.transit_search import FindTransit
 from hmap_core.types import Scene, SceneState
 
-FINENESS = (1.0, 0.3)  # shares of the step along the object's path that are tried
+FINENESS = (1.0, 0.3, 0.1)  # shares of the step along the object's path that are tried
 
 
 def solve_segment(

@@ -29,7 +29,6 @@ from hmap_core.transforms import consistent, distance, inverse, multiply, multip
 from hmap_core.types import Scene, SceneState, Segment, SegmentKind, Trajectory
 
 TORN = (5e-4, float(np.deg2rad(0.25)))  # m, rad by which a hand may move against the other; the judge allows twice that
-SHARED_FINENESS = (*FINENESS, 0.1)  # shares of the step along the object's path that are tried
 CARRYING = 1 | VERIFIED_ONLY  # phases of the closed chain, for verification
 
 
@@ -122,7 +121,7 @@ def _closed_chain(
 ) -> SubTrajectory:
     """The motion of the closed chain, with finer steps where coarse ones tear the grasps or hit something."""
     failure = MotionError("no fineness was tried")
-    for fineness in SHARED_FINENESS:
+    for fineness in FINENESS:
         try:
             path = _solved(scene, state, object, contacts, object_poses, fineness)
             return _timed(scene, state, object, contacts, path)
