@@ -86,8 +86,13 @@ class WaypointError(HmapError):
 
 
 class ContactError(HmapError):
-    """No robot has a feasible contact (Algorithm 3)."""
+    """No robot has a feasible contact (Algorithm 3).
 
+    Attributes:
+        nothing_fits: some thousand contacts were looked at by the hand alone, and it can make none of them.
+    """
+
+    nothing_fits = False
     stage = "contacts"
     default_code = Code.NO_CONTACT
 

@@ -8,16 +8,17 @@ import pytest
 from hmap_core.contacts.candidates import SHALLOWEST
 from hmap_core.contacts.hand import LEAST_BACK, drawn_back
 from hmap_core.exceptions import Code, ContactError
+from hmap_core.planner.contact_finder import ProposeAndCheck
 from hmap_core.planner.diagnosis import hand_fits_at_goal
 from hmap_core.planner.obstacle_removal import _Tries
 from hmap_core.planner.outcome import Failure
-from hmap_core.planner.protocols import ContactQuery
+from hmap_core.planner.protocols import ContactProposals, ContactQuery, ContactSearchQuery
 from hmap_core.planner.sampled_contacts import SampledContacts, first_direction
 from hmap_core.planner.solution_sequence import Subgoal
 from hmap_core.planner.tool_grasps import ToolGraspSearch
 from hmap_core.scenes import load_scene
 from hmap_core.scenes.robots import load_robot_model
-from hmap_core.transforms import apply, inverse
+from hmap_core.transforms import apply, inverse, pose
 from hmap_core.types import ContactKind, ContactPoint, Goal
 
 NICHE = """
@@ -166,3 +167,28 @@ def test_places_at_another_height_come_first_where_two_at_one_had_no_contact():
         tried.append(int(T[0]))
         tries.first(Subgoal(Goal("jar", T), frozenset(), ()), [T])
     assert tried == [0, 1, 4, 5, 2, 3]
+
+
+@pytest.mark.parametrize("late", [0, 3])
+def test_a_search_says_whether_hands_fit_on_the_object(tmp_path, late):
+    """What comes after an empty batch are those of thousands that the hand alone can make; here no arm reaches one."""
+    scene = scene_of(tmp_path, NICHE.format(x=0.55))
+    point = ContactPoint(ContactKind.PUSH, pose(), np.zeros(3), np.zeros(3), 0.0, np.array([0.0, 0.0, 1.0]))
+    looked = []
+
+    class Scripted:
+        def propose(self, query):
+            yield from (ContactProposals((point,)), ContactProposals(()))
+            if late:
+                yield ContactProposals((point,) * late)
+
+        def check(self, query, contacts, beyond):
+            looked.append(len(contacts))
+            return []
+
+    query = ContactSearchQuery(scene, scene.start_state(), "can", scene.start_state().poses["can"][None])
+    for thorough in (True, False):
+        with pytest.raises(ContactError) as error:
+            ProposeAndCheck([Scripted()], Scripted()).find_contacts(replace(query, thorough=thorough))
+        assert error.value.nothing_fits is (thorough and not late)
+    assert looked == [1, *[late] * bool(late), 1]

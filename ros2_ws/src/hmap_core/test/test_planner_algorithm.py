@@ -11,6 +11,7 @@ from planner_fixtures import carry
 from hmap_core.exceptions import Code, ContactError, HmapError, InputError, MotionError, PlannerError, WaypointError
 from hmap_core.planner import J_MAX, HmapPlanner, PlannerComponents, PlanningJob, RobotContact, SubTrajectory, plan
 from hmap_core.planner.assembly import assemble, state_after
+from hmap_core.planner.outcome import Failure
 from hmap_core.planner.protocols import SegmentQuery
 from hmap_core.planner.search import MOST_CUT, ROUNDS
 from hmap_core.planner.segments.contact_segment import CutCorner
@@ -18,6 +19,7 @@ from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
 from hmap_core.planner.strategies import PATH_STRATEGIES
 from hmap_core.planner.strategies.manipulation_graph import ManipulationGraphStrategy
 from hmap_core.planner.strategies.pressed_path import PressedPath
+from hmap_core.planner.tasks import WaypointTask
 from hmap_core.transforms import interpolate, pose
 from hmap_core.types import ContactKind, ContactPoint, Goal, Segment, SegmentKind, Trajectory
 from hmap_core.waypoints import NoObjectPath
@@ -42,8 +44,9 @@ class Script:
         self.calls: list[str] = []
         self.poses: list[np.ndarray] = []
         self.seeds: list[int] = []
+        self.thorough: list[bool] = []
 
-    error = MotionError
+    error, nothing_fits = MotionError, False
     tool_grasps = plan_pick = plan_place = propose = promising = None  # there are no tools
 
     @property
@@ -60,8 +63,11 @@ class Script:
         assert query.object in query.scene.bodies
         self.calls.append("contacts")
         self.poses.append(query.object_poses)
+        self.thorough.append(query.thorough)
         if self.no_contact:
-            raise ContactError("nothing is reachable", Code.NO_CONTACT)
+            error = ContactError("nothing is reachable", Code.NO_CONTACT)
+            error.nothing_fits = self.nothing_fits
+            raise error
         self.works()
         contact = ContactPoint(ContactKind.GRASP, pose(), np.zeros(3), np.zeros(3), 0.05, np.array([0, 0, 1.0]))
         reach = min(self.reach, len(query.object_poses) - 1)
@@ -157,6 +163,17 @@ def test_without_contacts_the_reach_of_the_goal_is_asked(scene):
     error = failure(Script(no_contact=True), scene)
     assert (error.stage, error.code) == ("contacts", Code.OUT_OF_REACH)
     assert "brick" in error.reason and "arm" in error.reason
+
+
+@pytest.mark.parametrize("nothing_fits", [True, False])
+def test_that_no_hand_fits_on_an_object_is_found_out_once(scene, nothing_fits):
+    script = Script(no_contact=True)
+    script.nothing_fits = nothing_fits
+    job = PlanningJob(script.planner, scene)
+    poses = interpolate(job.start.poses["brick"], scene.goal.pose, np.linspace(0, 1, PATH))
+    task = WaypointTask.of(job.context, Subgoal(scene.goal), SolutionSequence(job.start), poses, 0, None)
+    assert isinstance(job.search.try_contacts(task, samplings=3), Failure)
+    assert script.thorough == [True, not nothing_fits, not nothing_fits]
 
 
 def test_the_same_holds_for_a_removable_body(scene):

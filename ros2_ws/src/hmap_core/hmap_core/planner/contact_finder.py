@@ -70,7 +70,7 @@ class ProposeAndCheck:
             searches.append(RobotSearch(self.proposers, self.checker, own))
             found += searches[-1].find(beyond)
         for search in searches:
-            if found:
+            if found or not query.thorough:
                 break
             found += search.find(to_the_end=True)
         ends_soon = _ends_soon(query.object_poses)
@@ -82,11 +82,10 @@ class ProposeAndCheck:
         checked = sum(search.checked for search in searches)
         if not found:
             heavy = weight_problem(query.scene, query.object, robots, is_lifted(query.object_poses))
-            raise ContactError(
-                f"none of {checked} contacts on '{query.object}' is reachable for {', '.join(robots)}"
-                + (f": {heavy}" if heavy else ""),
-                Code.NO_CONTACT,
-            )
+            what = f"none of {checked} contacts on '{query.object}' is reachable for {', '.join(robots)}"
+            error = ContactError(what + (f": {heavy}" if heavy else ""), Code.NO_CONTACT)
+            error.nothing_fits = query.thorough and all(search.nothing_fits for search in searches)
+            raise error
 
         def cost(contact: RobotContact) -> tuple[bool, float]:
             return ends_soon[contact.reach], swing_cost(query.state, contact) - contact_score(query.scene, contact)
@@ -104,12 +103,14 @@ class RobotSearch:
 
     Attributes:
         checked: how many contacts were checked.
+        nothing_fits: the proposers ended after an empty batch, and had no contacts after it.
     """
 
     def __init__(self, proposers: Sequence[ContactProposer], checker: ContactChecker, query: ContactQuery):
         self._checker, self._query = checker, query
         self._batches = ((each, batch) for each in proposers for batch in each.propose(query))
         self.checked = 0
+        self.nothing_fits = False
 
     def find(self, beyond: int = -1, to_the_end: bool = False) -> list[RobotContact]:
         """Check batches until one has feasible contacts, one is empty, or the time is up.
@@ -119,6 +120,7 @@ class RobotSearch:
             to_the_end: whether it goes on after an empty batch.
         """
         for proposer, batch in self._batches:
+            self.nothing_fits = not batch
             if not (batch or to_the_end):
                 break
             self.checked += len(batch)

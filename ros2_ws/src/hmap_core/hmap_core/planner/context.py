@@ -34,6 +34,7 @@ class Record:
         error: the last failure itself, if it was an error.
         counts: statistics of the plan.
         contact_searches: how often contacts were searched, with or without success.
+        nothing_fits: object, robots and poses for which no hand alone can make a contact, and the scene of each.
     """
 
     tree: SearchTree
@@ -42,6 +43,7 @@ class Record:
     error: HmapError | None = None
     contact_searches: int = 0
     earlier: str = NOTHING_TRIED
+    nothing_fits: dict[tuple, Scene] = field(default_factory=dict)
     counts: dict[str, int] = field(
         default_factory=lambda: {
             "waypoint_plans": 0,

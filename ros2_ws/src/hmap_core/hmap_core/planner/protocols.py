@@ -173,6 +173,7 @@ class ContactSearchQuery:
         count: how many contacts are wanted at most; 0: all that were found.
         seed: the only source of randomness.
         time_limit: seconds of wall-clock time.
+        thorough: whether what a proposer has after an empty batch is looked at where there is nothing else.
     """
 
     scene: Scene
@@ -184,6 +185,7 @@ class ContactSearchQuery:
     count: int = 0
     seed: int = 0
     time_limit: float = np.inf
+    thorough: bool = True
 
 
 @runtime_checkable

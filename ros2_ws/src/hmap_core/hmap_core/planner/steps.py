@@ -61,12 +61,16 @@ def find_contacts(task: WaypointTask, manipulator: Manipulator, count: int) -> l
     query = context.contact_search(
         manipulator.scene, manipulator.state, object, task.ahead, manipulator.robots, count, cloud
     )
+    known = _situation(manipulator, object)
+    query = replace(query, thorough=known not in context.record.nothing_fits)
     context.record.contact_searches += 1
     with context.record.tree.attempt(f"contacts on {who}") as node:
         try:
             found = context.components.contacts.find_contacts(query)
         except ContactError as error:
             _failed(context, node, error)
+            if error.nothing_fits:
+                context.record.nothing_fits[known] = manipulator.scene
             return []
         node.succeed(f"{len(found)} feasible")
     counts = context.record.counts
@@ -74,6 +78,13 @@ def find_contacts(task: WaypointTask, manipulator: Manipulator, count: int) -> l
     counts["contacts_checked"] += max(contact.checked for contact in found)
     counts["learned_contacts"] += sum(contact.proposer == LEARNED for contact in found)
     return found
+
+
+def _situation(manipulator: Manipulator, object: str) -> tuple:
+    """What decides whether hands fit on an object, as a key; the scene has to be kept, so that no other gets its id."""
+    state = manipulator.state
+    placed = ((name, numbers.tobytes()) for name, numbers in (*state.poses.items(), *state.q.items()))
+    return id(manipulator.scene), object, *sorted(manipulator.robots), *placed
 
 
 def plan_motion(
