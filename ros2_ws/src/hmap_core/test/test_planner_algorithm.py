@@ -13,9 +13,10 @@ from hmap_core.planner import J_MAX, HmapPlanner, PlannerComponents, PlanningJob
 from hmap_core.planner.assembly import assemble, state_after
 from hmap_core.planner.outcome import Failure
 from hmap_core.planner.protocols import SegmentQuery
-from hmap_core.planner.search import MOST_CUT, ROUNDS
+from hmap_core.planner.search import ROUNDS
 from hmap_core.planner.segments.contact_segment import CutCorner
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
+from hmap_core.planner.steps import MOST_CUT
 from hmap_core.planner.strategies import PATH_STRATEGIES
 from hmap_core.planner.strategies.manipulation_graph import ManipulationGraphStrategy
 from hmap_core.planner.strategies.pressed_path import PressedPath
@@ -145,7 +146,7 @@ def test_a_path_on_which_the_object_itself_hits_something_is_left_early(scene, o
     script = Script(contacts=7, fail=lambda k: True)
     script.error = error
     assert failure(script, scene).code == Code.NO_MOTION
-    assert script.calls.count("motion") == ROUNDS * (MOST_CUT if of_object else J_MAX)
+    assert script.calls.count("motion") == (MOST_CUT if of_object else ROUNDS * J_MAX)
 
 
 def test_where_no_hand_follows_the_path_one_is_sought_for_a_hand(scene):

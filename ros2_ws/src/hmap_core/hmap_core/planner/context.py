@@ -1,6 +1,7 @@
 """What one planning job carries along: the problem, the parts that solve it, its limits, and what has happened."""
 
 import time
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -34,6 +35,7 @@ class Record:
         error: the last failure itself, if it was an error.
         counts: statistics of the plan.
         contact_searches: how often contacts were searched, with or without success.
+        cut_paths: motions along an object's path in which the object itself came too close to another body.
         nothing_fits: object, robots and poses for which no hand alone can make a contact, and the scene of each.
     """
 
@@ -44,6 +46,7 @@ class Record:
     contact_searches: int = 0
     earlier: str = NOTHING_TRIED
     nothing_fits: dict[tuple, Scene] = field(default_factory=dict)
+    cut_paths: Counter[tuple[str, bytes]] = field(default_factory=Counter)
     counts: dict[str, int] = field(
         default_factory=lambda: {
             "waypoint_plans": 0,

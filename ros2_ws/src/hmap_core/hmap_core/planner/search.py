@@ -19,7 +19,6 @@ from hmap_core.planner.manipulator_order import contact_strategies
 from hmap_core.planner.obstacle_removal import ObstacleRemoval, RemovalError, StuckError
 from hmap_core.planner.outcome import Failure, Outcome, Solution
 from hmap_core.planner.relaxed import RelaxedSolution
-from hmap_core.planner.segments.contact_segment import CutCorner
 from hmap_core.planner.solution_sequence import SolutionSequence, Subgoal
 from hmap_core.planner.steps import TRIES_WITH_TOOL
 from hmap_core.planner.strategies import LAST_STRATEGIES, PATH_STRATEGIES
@@ -28,7 +27,6 @@ from hmap_core.planner.tasks import PathTask, WaypointTask
 from hmap_core.types import Goal, Plan, TaskMode
 from hmap_core.waypoints import NoObjectPath
 
-MOST_CUT = 3  # motions at one waypoint in which the object itself, on its path, comes too close to another body
 J_MAX = 40  # contacts tried at one waypoint before new waypoints are planned (the paper's j_max)
 ROUNDS = 6  # object paths tried for the task
 BLOCKED_ROUNDS = 2  # of these, in which an obstacle could not be removed
@@ -167,7 +165,7 @@ class Search:
             samplings: how often contacts are searched before there are none.
         """
         manipulator = steps.Manipulator.of(task, grasp)
-        tries, cut, ready = 0, 0, None if grasp is None else task.sequence
+        tries, ready = 0, None if grasp is None else task.sequence
         most = J_MAX if grasp is None else TRIES_WITH_TOOL
         while tries < most:
             samplings -= 1
@@ -183,10 +181,6 @@ class Search:
                 motion = steps.plan_motion(task, manipulator, ready, contact, tries)
                 if motion is not None:
                     return Solution(ready.after(motion), contact.reach, contact=None if grasp else contact)
-                error = task.context.record.error
-                cut += isinstance(error, CutCorner) and error.of_object
-                if cut >= MOST_CUT:
-                    return task.context.record.last_failure()
             manipulator, contacts = manipulator.others_first(contacts), ()
         return task.context.record.last_failure()
 

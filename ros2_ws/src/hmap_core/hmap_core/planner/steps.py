@@ -8,12 +8,14 @@ from hmap_core.planner.interfaces import RobotContact, SubTrajectory, ToolGrasp
 from hmap_core.planner.protocols import SegmentQuery, ToolQuery
 from hmap_core.planner.robot_order import robot_order
 from hmap_core.planner.search_tree import Attempt
+from hmap_core.planner.segments.contact_segment import CutCorner
 from hmap_core.planner.solution_sequence import SolutionSequence
 from hmap_core.planner.tasks import WaypointTask
 from hmap_core.planner.tools import attach_tool, with_tool_placed
 from hmap_core.types import Scene, SceneState
 
 LEARNED = "learned"  # name of the proposer that has learned; others are counted as sampled
+MOST_CUT = 3  # motions in which the object itself comes too close to another body on a path, before that is given up
 TRIES_WITH_TOOL = 4  # contacts tried with one grasp on a tool
 
 
@@ -55,6 +57,8 @@ class Manipulator:
 def find_contacts(task: WaypointTask, manipulator: Manipulator, count: int) -> list[RobotContact]:
     """Find at most ``count`` feasible contacts on the object of a waypoint; none where there are none."""
     context, object = task.context, task.object
+    if _given_up(task):
+        return []
     who = f"'{object}'" if manipulator.grasp is None else f"'{object}' with what {manipulator.robots[0]} holds"
     context.report("contacts", task.at, task.total, text=f"contacts on {who}")
     cloud = context.clouds.get(object)
@@ -92,6 +96,8 @@ def plan_motion(
 ) -> SubTrajectory | None:
     """Plan the motion for one contact, the ``number``-th that is tried; None where there is none."""
     context, object = task.context, task.object
+    if _given_up(task):
+        return None
     context.record.counts["contact_tries"] += 1
     what = f"{contact.robot} carries '{object}' by {contact.contact.kind}"
     context.report("motion", task.at, task.total, number, what)
@@ -103,9 +109,20 @@ def plan_motion(
             motion = context.components.segments.plan_segment(query)
         except MotionError as error:
             _failed(context, node, error)
+            context.record.cut_paths[_path(task)] += isinstance(error, CutCorner) and error.of_object
             return None
         node.succeed()
         return motion
+
+
+def _path(task: WaypointTask) -> tuple[str, bytes]:
+    """The rest of the object's path as a key."""
+    return task.object, task.ahead.tobytes()
+
+
+def _given_up(task: WaypointTask) -> bool:
+    """Whether the object itself hits something on the rest of its path, whatever carries it."""
+    return task.context.record.cut_paths[_path(task)] >= MOST_CUT
 
 
 def _failed(context: SearchContext, node: Attempt, error: HmapError) -> None:
