@@ -101,11 +101,9 @@ class Search:
             ContactError: OUT_OF_REACH; no robot could bring the task's object to its goal. NO_CONTACT; none could move
                 it from its start.
         """
-        kinematic = self.context.scene.mode == TaskMode.KINEMATIC
-        heavy = subgoal.depth == 0 and needs_two_robots(
-            self.context.scene, subgoal.goal.object, sequence.state.poses[subgoal.goal.object], subgoal.goal
-        )
-        task = PathTask(subgoal, sequence, number, kinematic, heavy)
+        scene, name = self.context.scene, subgoal.goal.object
+        heavy = subgoal.depth == 0 and needs_two_robots(scene, name, sequence.state.poses[name], subgoal.goal)
+        task = PathTask(subgoal, sequence, number, scene.mode == TaskMode.KINEMATIC, heavy)
         with self.context.record.tree.attempt(f"round {number + 1}: '{subgoal.goal.object}' {subgoal.reason}"):
             outcome = self.run(PATH_STRATEGIES, task)
             if isinstance(outcome, Failure) and not outcome.ends_round:
