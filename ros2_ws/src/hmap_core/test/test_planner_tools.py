@@ -36,6 +36,7 @@ def test_the_tool_that_reaches_is_picked_used_and_placed(tmp_path, mode):
     assert not any("cube" in (s.manipulator, s.object) for s in found.segments)
     way = found.trajectory.objects["stick"]
     assert np.abs(way - way[0]).max() > 0.1
+    assert ((way[1:, 3:] * way[:-1, 3:]).sum(axis=1) > 0.0).all()  # no sign of a quaternion flips
     np.testing.assert_allclose(way[-1], way[0], atol=1e-3)
 
 

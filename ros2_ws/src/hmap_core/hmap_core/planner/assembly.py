@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from hmap_core.planner.interfaces import SubTrajectory
+from hmap_core.transforms import consistent
 from hmap_core.types import BodyKind, Plan, Scene, SceneState, Trajectory
 
 
@@ -50,7 +51,7 @@ def joined(
         np.concatenate(time),
         {name: np.concatenate(rows) for name, rows in joints.items()},
         {name: np.concatenate(rows) for name, rows in gripper.items()},
-        {name: np.concatenate(rows) for name, rows in objects.items()},
+        {name: consistent(np.concatenate(rows)) for name, rows in objects.items()},
     )
     return SubTrajectory(trajectory, tuple(segments))
 
