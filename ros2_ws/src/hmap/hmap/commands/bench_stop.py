@@ -31,6 +31,7 @@ STILL = 1e-3  # rad from where an arm comes to rest; nearer, it rests
 WATCH = 2.5  # s for which joints are watched afterwards
 UP_LIMIT, GOAL_LIMIT = 180.0, 120.0  # s on a busy machine
 POLL = 0.005  # s
+GONE = (Code.NODE_LOST, Code.SERVICE_UNAVAILABLE)  # of a goal that went to a supervisor that had been killed
 Samples = list[tuple[float, np.ndarray]]  # s of the steady clock, and rad
 
 
@@ -103,7 +104,7 @@ def _once(session: "Session", joints: Samples, act: Callable[[], None]) -> tuple
     while (speed := fastest(joints)) < FAST:
         if session.is_done(POLL):
             error = session.result().error
-            if error is None or error.code is not Code.NODE_LOST:
+            if error is None or error.code not in GONE:
                 session.result().check()
             time.sleep(LOOK)  # the supervisor that was killed; the new one is not known yet
             session.manipulate()
