@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from hmap_core.exceptions import Code, PlannerError
 
 # share of a time limit, and at most so many seconds, that are left at the deadline of the work: no step is interrupted
-RESERVE = 0.1
-MOST_RESERVE = 0.1  # s
+RESERVE = 0.15
+MOST_RESERVE = 0.25  # s
 DEFAULT_TIME_LIMIT = 60.0  # s that planning has if no time limit is given
 DEFAULT_CPU_LIMIT = 10.0  # s of processor time that planning has if no time limit is given
 

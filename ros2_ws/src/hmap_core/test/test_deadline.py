@@ -102,7 +102,7 @@ def test_whole_plans_among_many_parts_keep_their_time_limit(plan, limit):
 
 
 def test_some_time_is_left_for_the_last_step():
-    assert deadline.usable(0.3) == pytest.approx(0.27)
+    assert deadline.usable(0.3) == pytest.approx(0.255)
     assert deadline.usable(60.0) == pytest.approx(60.0 - deadline.MOST_RESERVE)
 
 

@@ -184,6 +184,8 @@ class ObjectChecker:
         self._no_extra = np.zeros(len(self.owners))
         self.checks = 0  # number of checked motions
         self._keep(min_distance)
+        if many:
+            self.hit_by(problem.start, problem.start)  # loads its compiled code, for which the end has no time
 
     def _keep(self, min_distance: float) -> None:
         self.min_distance = min_distance
