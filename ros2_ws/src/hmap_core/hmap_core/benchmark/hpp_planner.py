@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hmap_core.baselines.given_moves import Move, given_moves
 from hmap_core.baselines.move_contacts import contacts_of_move
@@ -25,7 +24,7 @@ from hmap_core.planner.protocols import Cancel
 from hmap_core.planner.segments.attached import end_effector_poses
 from hmap_core.planner.segments.contact_segment import ContactSegment
 from hmap_core.planner.segments.motion_sequence import MotionSequence
-from hmap_core.transforms import distance, inverse, multiply, rotation_matrix
+from hmap_core.transforms import distance, euler_angles, inverse, multiply, rotation_matrix
 from hmap_core.types import Body, ContactPoint, Plan, Scene, SceneState, ShapeKind
 
 PYTHON = "HMAP_HPP_PYTHON"  # the variable that names the Python of HPP's environment
@@ -264,8 +263,7 @@ def urdf(body: Body, wider: float) -> str:
             raise InputError(
                 f"hpp_manipulation: body '{body.name}' is a {shape.kind}; allowed: box, cylinder", Code.UNKNOWN_TASK
             )
-        turned = Rotation.from_quat(shape.pose[3:]).as_euler("xyz")
-        xyz, rpy = (" ".join(f"{v:.9g}" for v in own) for own in (shape.pose[:3], turned))
+        xyz, rpy = (" ".join(f"{v:.9g}" for v in own) for own in (shape.pose[:3], euler_angles(shape.pose)))
         origin = f'<origin xyz="{xyz}" rpy="{rpy}"/>'
         parts.append(f"<collision>{origin}<geometry>{geometry}</geometry></collision>")
     inertia = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
