@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hmap_core.contacts.push_path import SHORT, Leg, PushPlanner
+from hmap_core.contacts.push_path import SHORT, Leg, PushPlanner, wrapped
 from hmap_core.transforms import consistent
 from hmap_core.waypoints.checker import planar_yaw
 from hmap_core.waypoints.resample import resample
@@ -93,7 +93,7 @@ def _first_pushes(
     ]
     side, slant, curvature = (np.array(column) for column in zip(*own, strict=True))
     heading = a[2] + headings[side] + slant
-    away = np.abs(_wrapped(heading - np.arctan2(*(b - a)[1::-1])))
+    away = np.abs(wrapped(heading - np.arctan2(*(b - a)[1::-1])))
     rays = _Rays(side, heading, curvature, np.zeros(len(side)))
     for k in np.flatnonzero(away <= AWAY):
         at, begin = planner.pose(a), 0.0
@@ -125,20 +125,15 @@ def _second_pushes(
     way = b[:2] - at[:, :2]
     distance, direction = np.hypot(*way.T)[:, None], np.arctan2(way[:, 1], way[:, 0])[:, None]
     normal = at[:, 2:] + headings
-    off = _wrapped(direction - normal)
+    off = wrapped(direction - normal)
     straight = np.abs(off) <= slant
     bend = np.where(straight, 0.0, off)
     with np.errstate(divide="ignore", invalid="ignore"):
         curvature = 2.0 * np.sin(bend) / distance
         length = distance / np.sinc(bend / np.pi)
     largest = np.where(bend > 0.0, most[:, 1], most[:, 0])
-    turned = np.abs(_wrapped(at[:, 2:] + 2.0 * bend - b[2]))
+    turned = np.abs(wrapped(at[:, 2:] + 2.0 * bend - b[2]))
     fits = (np.abs(curvature) <= largest) & (np.abs(bend) < 0.5 * np.pi) & (turned <= turn + STRAIGHT)
     fits &= distance >= SHORT
     legs = np.stack([np.where(straight, direction, normal), length, curvature], axis=2)
     return legs, np.where(fits, length, np.inf)
-
-
-def _wrapped(angles: np.ndarray) -> np.ndarray:
-    """Angles in rad, in [-pi, pi)."""
-    return (angles + np.pi) % (2.0 * np.pi) - np.pi

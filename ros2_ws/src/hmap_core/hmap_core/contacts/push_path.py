@@ -18,6 +18,7 @@ import heapq
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import count
+from typing import TypeVar
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -56,6 +57,8 @@ ARC_STEP = float(np.deg2rad(3.0))  # rad; arcs are checked and sampled as chords
 LEVEL = 1e-3  # m; largest height difference of a planar path
 MIN_LENGTH = 1e-4  # m; shorter legs are ignored
 MIN_TURN = 1e-3  # rad; smaller rotations are ignored
+
+_Angle = TypeVar("_Angle", float, np.ndarray)
 
 
 @dataclass(frozen=True)
@@ -363,6 +366,6 @@ def _turned(p: np.ndarray, yaw: float) -> np.ndarray:
     return np.array([c * p[0] - s * p[1], s * p[0] + c * p[1]])
 
 
-def wrapped(angle: float) -> float:
-    """The angle in rad, in [-pi, pi)."""
-    return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
+def wrapped(angle: _Angle) -> _Angle:
+    """The angle in rad, or each of several, in [-pi, pi)."""
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi
