@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from many_parts_fixtures import keeps_limit
 from numba import njit
 from numba.core.compiler_lock import global_compiler_lock
 
@@ -57,15 +58,15 @@ def test_the_judge_looks_at_the_clock_all_the_time(plan):
     content, longest = plan_file.to_dict(plan), []
     expected = check(content)  # what it needs is imported
     for _ in range(3):
-        looks = [time.process_time()]
+        looks = [time.thread_time()]
         assert check(content, partial(_look, looks)) == expected
-        looks.append(time.process_time())
+        looks.append(time.thread_time())
         longest.append(np.diff(looks).max())
     assert expected.valid and min(longest) < LONGEST
 
 
 def _look(looks):
-    looks.append(time.process_time())
+    looks.append(time.thread_time())
 
 
 def test_the_judge_ends_when_it_is_told_to(plan):
@@ -96,9 +97,8 @@ def test_a_plan_that_is_not_judged_in_time_is_none(monkeypatch):
 
 @pytest.mark.parametrize("limit", [0.3, 0.8])
 def test_whole_plans_among_many_parts_keep_their_time_limit(plan, limit):
-    """By CPU time, since other work on the machine does not count; it was up to four times the limit."""
-    trial = many_parts.run_plan(many_parts.carried(PARTS, PARTS, 1), limit)
-    assert trial.cpu < 1.1 * limit + LONGEST
+    """It was up to four times the limit."""
+    assert keeps_limit(lambda: many_parts.run_plan(many_parts.carried(PARTS, PARTS, 1), limit), limit)
 
 
 def test_some_time_is_left_for_the_last_step():

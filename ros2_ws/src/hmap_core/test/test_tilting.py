@@ -55,9 +55,9 @@ def tilts(made) -> int:
 )
 def test_an_arm_with_five_joints_tilts_an_object(tmp_path, goal):
     scene = scene_of(tmp_path, "five", (GOAL, goal))
-    began = time.process_time()
+    began = time.thread_time()
     made = plan(scene, seed=0, time_limit=60.0)
-    assert time.process_time() - began < TIME
+    assert time.thread_time() - began < TIME
     report = check(plan_file.to_dict(made))
     assert report.valid, report.violations
 
@@ -96,10 +96,10 @@ CANNOT = {
 @pytest.mark.parametrize("kind", CANNOT)
 def test_a_tilt_that_an_arm_cannot_make_is_refused_soon_with_the_direction_that_it_lacks(tmp_path, kind):
     robot, changes, says = CANNOT[kind]
-    began = time.process_time()
+    began = time.thread_time()
     with pytest.raises(ContactError, match=says) as error:
         plan(scene_of(tmp_path, robot, *changes), seed=0, time_limit=60.0)
-    assert error.value.code == Code.OUT_OF_REACH and time.process_time() - began < TIME
+    assert error.value.code == Code.OUT_OF_REACH and time.thread_time() - began < TIME
     assert "is tilted by 90.0 deg from where it stands" in str(error.value)
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from geometry_fixtures import box
-from many_parts_fixtures import parts, random_pose
+from many_parts_fixtures import keeps_limit, parts, random_pose
 
 from hmap_core import clock
 from hmap_core.benchmark.many_parts import window
@@ -87,12 +87,13 @@ def test_a_concave_body_of_many_parts_passes_a_window_of_many_parts():
 @pytest.mark.parametrize("limit", [0.5, 1.5])
 def test_a_search_among_many_parts_keeps_its_time_limit(limit):
     problem = window(1000, 1000, 1, lid=True)
-    plan_waypoints(window(1000, 1000, 1), np.random.default_rng(0), 60.0)  # the shapes of both are known from then on
-    began = time.process_time()  # not the clock: other work on the machine does not count
-    with pytest.raises(NoObjectPath, match=f"the search ended with its time limit of {limit} s") as error:
-        plan_waypoints(problem, np.random.default_rng(0), limit)
-    assert time.process_time() - began < 1.1 * limit + 0.05  # a look at the clock that comes late
-    assert not error.value.proven and "lid" in error.value.blockers
+
+    def search():
+        with pytest.raises(NoObjectPath, match=f"the search ended with its time limit of {limit} s") as error:
+            plan_waypoints(problem, np.random.default_rng(0), limit)
+        assert not error.value.proven and "lid" in error.value.blockers
+
+    assert keeps_limit(search, limit)
 
 
 def tiles_and_comb(n, closed):
@@ -116,19 +117,19 @@ def tiles_and_comb(n, closed):
 @pytest.mark.parametrize("limit", [0.3, 1.0])
 def test_a_search_of_pushes_among_many_parts_keeps_its_time_limit(limit, removable):
     """Its proofs, its checks of support, and what is looked at after the limit take no time beyond it."""
-    small = tiles_and_comb(60, closed=False)
-    plan_waypoints(small, np.random.default_rng(0), 60.0)  # all that is compiled is loaded from then on
     problem = replace(tiles_and_comb(1000, closed=True), removable=frozenset({"wall"} if removable else ()))
-    began = time.process_time()
-    with pytest.raises(NoObjectPath):
-        plan_waypoints(problem, np.random.default_rng(0), limit)
-    assert time.process_time() - began < 1.1 * limit + 0.05  # a look at the clock that comes late
+
+    def search():
+        with pytest.raises(NoObjectPath):
+            plan_waypoints(problem, np.random.default_rng(0), limit)
+
+    assert keeps_limit(search, limit)
 
 
 def test_a_path_among_many_parts_is_found_and_smoothed_well_within_its_time():
-    began = time.process_time()
-    path = plan_waypoints(tiles_and_comb(1000, closed=False), np.random.default_rng(0), 10.0)
-    assert len(path.poses) > 2 and time.process_time() - began < 2.0
+    problem, paths = tiles_and_comb(1000, closed=False), []
+    assert keeps_limit(lambda: paths.append(plan_waypoints(problem, np.random.default_rng(0), 10.0)), 2.0)
+    assert len(paths[-1].poses) > 2
 
 
 def test_a_search_that_has_no_time_says_so():
@@ -139,10 +140,10 @@ def test_a_search_that_has_no_time_says_so():
 def test_a_flood_ends_at_its_deadline():
     problem = window(30, 200, 3, lid=True)
     geometry = Geometry(problem)
-    began = time.process_time()
+    began = time.thread_time()
     ends = problem.start, problem.goal
     assert enclosure("bracket", geometry.body, geometry.obstacles, *ends, deadline=clock.now() - 1.0) is None
-    assert time.process_time() - began < 0.5
+    assert time.thread_time() - began < 0.5
 
 
 def test_mass_and_largest_ball_of_many_boxes_are_those_of_each_hull(monkeypatch):
