@@ -5,15 +5,17 @@ volume hierarchy over the shapes of one frame (Ericson, "Real-Time Collision Det
 are few pairs, :mod:`hmap_core.komo.path_collisions` and :mod:`hmap_core.komo.sweep` look at each of them.
 """
 
-from collections import namedtuple
+from collections import deque, namedtuple
 
 import numba as nb
 import numpy as np
 
+from hmap_core.clock import now
 from hmap_core.collision.compile_options import OPTIONS, PLAIN
 from hmap_core.collision.pairs import pair_distance, place_centers
 from hmap_core.collision.scene_model import PER_PAIR, Collisions
 from hmap_core.collision.simplex import WORK
+from hmap_core.deadline import check_time, deadline
 from hmap_core.kinematics.chain import Chain
 from hmap_core.kinematics.tree import forward
 from hmap_core.komo.collision_rows import LOOK_AHEAD
@@ -36,10 +38,32 @@ CLUSTER = 8  # shapes of a cluster, at most
 # order (P,): number of each pair in the model that the blocks were made of.
 Blocks = namedtuple("Blocks", "first a b need phases order")
 
+_LAST: deque[tuple[Collisions, Collisions, Blocks]] = deque(maxlen=1)  # a model, and what was made of it
+
 
 def in_blocks(cols: Collisions) -> tuple[Collisions, Blocks]:
-    """The pairs of a collision model in blocks, with the clusters as further shapes without vertices."""
-    used = np.unique(np.concatenate([cols.a, cols.b]))
+    """The pairs of a collision model in blocks, with the clusters as further shapes without vertices.
+
+    What was made last is used again for a model that differs in its minimum distances only: the checks of one motion
+    relax them one after the other.
+    """
+    last = _LAST[-1] if _LAST else None
+    if last is None or not all(a is b for a, b in zip(_shapes_of(last[0]), _shapes_of(cols), strict=True)):
+        last = (cols, *_clustered(cols))
+        _LAST.append(last)
+    _, more, blocks = last
+    need = cols.min_distance[blocks.order]
+    return more._replace(min_distance=need), blocks._replace(need=np.maximum.reduceat(need, blocks.first[:-1]))
+
+
+def _shapes_of(cols: Collisions) -> Collisions:
+    return cols._replace(min_distance=None)
+
+
+def _clustered(cols: Collisions) -> tuple[Collisions, Blocks]:
+    is_used = np.zeros(len(cols.frame), bool)
+    is_used[cols.a] = is_used[cols.b] = True
+    used = np.flatnonzero(is_used)
     cluster = np.full(len(cols.frame), -1)
     members: list[np.ndarray] = []
     for frame in np.unique(cols.frame[used]).tolist():
@@ -52,7 +76,9 @@ def in_blocks(cols: Collisions) -> tuple[Collisions, Blocks]:
         for own, middle in zip(members, center, strict=True)
     ]
     key = cluster[cols.a] * len(members) + cluster[cols.b]
+    check_time()
     order = np.argsort(key, kind="stable")
+    check_time()
     starts = np.flatnonzero(np.diff(key[order], prepend=-1))
     count, none = len(cols.frame), np.zeros((len(members), 3))
     sorted_pairs = {name: getattr(cols, name)[order] for name in PER_PAIR}
@@ -60,7 +86,7 @@ def in_blocks(cols: Collisions) -> tuple[Collisions, Blocks]:
         np.append(starts, len(order)).astype(np.int64),
         count + cluster[cols.a[order[starts]]],
         count + cluster[cols.b[order[starts]]],
-        np.maximum.reduceat(sorted_pairs["min_distance"], starts),
+        np.zeros(len(starts)),
         np.bitwise_or.reduceat(sorted_pairs["phases"], starts),
         order,
     )
@@ -128,8 +154,8 @@ def _move(cols, R, p, centers, turned, total):
 
 
 @nb.njit(**OPTIONS)
-def block_path_violations(path, masks, chain, cols, blocks, floor):
-    """As :func:`hmap_core.komo.path_collisions.path_violations`, for pairs in blocks."""
+def block_path_violations(path, masks, chain, cols, blocks, floor, deadline):
+    """As :func:`hmap_core.komo.path_collisions.path_violations`, for pairs in blocks; ends early at a deadline."""
     M, n = path.shape
     P, S = cols.a.shape[0], cols.frame.shape[0]
     violation, pair = np.full(M, floor), np.full(M, -1, np.int64)
@@ -137,6 +163,8 @@ def block_path_violations(path, masks, chain, cols, blocks, floor):
     centers, total, wake = np.zeros((S, 3)), np.zeros(S), np.full(P, -1.0)
     guesses, witness, work = np.zeros((P, 9), np.int16), np.zeros((3, 3)), np.zeros(WORK)
     for m in range(M):
+        if deadline < np.inf and now() > deadline:
+            break
         forward(path[m], chain.parent, chain.R_joint, chain.p_joint, chain.prismatic, R, p)
         if m == 0:
             place_centers(cols, R, p, centers)
@@ -157,8 +185,8 @@ def block_path_violations(path, masks, chain, cols, blocks, floor):
 
 
 @nb.njit(**OPTIONS)
-def block_between_violations(path, masks, chain, cols, blocks, resolution):
-    """As :func:`hmap_core.komo.sweep.between_violations`, for pairs in blocks."""
+def block_between_violations(path, masks, chain, cols, blocks, resolution, deadline):
+    """As :func:`hmap_core.komo.sweep.between_violations`, for pairs in blocks; ends early at a deadline."""
     T, n = path.shape[0] - 1, path.shape[1]
     P, S = cols.a.shape[0], cols.frame.shape[0]
     violation, pair, where = np.zeros(T), np.full(T, -1, np.int64), np.zeros(T)
@@ -170,6 +198,8 @@ def block_between_violations(path, masks, chain, cols, blocks, resolution):
     guesses, witness, work = np.zeros((P, 9), np.int16), np.zeros((3, 3)), np.zeros(WORK)
     half = 0.5
     for t in range(T):
+        if deadline < np.inf and now() > deadline:
+            break
         for i in range(n):
             dq[i] = path[t + 1, i] - path[t, i]
             q[i] = path[t, i] + half * dq[i]
@@ -235,6 +265,9 @@ class PairChecks:
     Args:
         chain: what moves.
         cols: the pairs.
+
+    Raises:
+        PlannerError: TIME_LIMIT, of all methods, where there are many pairs.
     """
 
     def __init__(self, chain: Chain, cols: Collisions):
@@ -247,7 +280,9 @@ class PairChecks:
         """As :func:`hmap_core.komo.path_collisions.path_violations`."""
         if self._blocks is None:
             return path_violations(path, masks, self._chain, self._cols, floor)
-        return block_path_violations(path, masks, self._chain, self._cols, self._blocks, floor)
+        found = block_path_violations(path, masks, self._chain, self._cols, self._blocks, floor, deadline())
+        check_time()
+        return found
 
     def between(
         self, path: np.ndarray, masks: np.ndarray, resolution: float
@@ -255,7 +290,9 @@ class PairChecks:
         """As :func:`hmap_core.komo.sweep.between_violations`."""
         if self._blocks is None:
             return between_violations(path, masks, self._chain, self._cols, resolution)
-        return block_between_violations(path, masks, self._chain, self._cols, self._blocks, resolution)
+        found = block_between_violations(path, masks, self._chain, self._cols, self._blocks, resolution, deadline())
+        check_time()
+        return found
 
     def near(self, path: np.ndarray, reach: float) -> np.ndarray:
         """Which pairs (P,) may come nearer than their minimum distance and ``reach`` (m) at configurations (M, n).

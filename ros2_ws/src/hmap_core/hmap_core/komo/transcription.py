@@ -121,6 +121,7 @@ class KomoProblem(PathProblem):
         rng = rng or np.random.default_rng(0)
         start = np.ascontiguousarray(start, float)
         cols = relaxed(self.chain, self.arrays(), start, 1)
+        check_time()
         samples = self.samples()
         terms = self.terms(samples)
         best: KomoResult | None = None
@@ -155,6 +156,7 @@ class KomoProblem(PathProblem):
         extra: list[tuple[int, float]] = []
         between: list[tuple[int, int, float]] = []
         counting = _counting(cols, self.masks())
+        check_time()
         iterations = self._solve_coarsely(X, prefix, counting, terms, samples)
         check_time()
         for refinement in range(self.options.refinements + 1):

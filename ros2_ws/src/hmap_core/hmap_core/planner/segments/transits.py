@@ -122,6 +122,7 @@ def _solved(problem: KomoProblem, cols: Collisions, start: np.ndarray, guess: np
     checks = PairChecks(problem.chain, cols)
     near = checks.near(guess, BESIDE)
     for _ in range(ROUNDS):
+        check_time()
         own = cols._replace(phases=np.where(near, cols.phases, 0))
         result = problem.keeping(own).solve(start, guess)
         fresh = checks.near(result.path, 0.0) & ~near
