@@ -135,6 +135,8 @@ class Search:
             with self.context.record.tree.attempt(f"waypoint {len(waypoints) + 1}: pose {at} of {len(poses) - 1}"):
                 outcome = self.run((*self.contact_strategies(task), *LAST_STRATEGIES), task)
             if isinstance(outcome, Failure):
+                if subgoal.depth == 0:
+                    self.removal.begun = 0  # for the next path
                 return replace(outcome, reached=sequence if at else None, at=at)
             sequence, known = outcome.sequence, outcome.known
             if outcome.reach:
