@@ -103,6 +103,11 @@ class ObstacleRemoval:
     def _scene(self) -> Scene:
         return self.search.context.scene
 
+    def new_path(self, subgoal: Subgoal) -> None:
+        """Count removals from the start, since another path of the task's object is tried."""
+        if subgoal.depth == 0:
+            self.begun = 0
+
     def clear(
         self, subgoal: Subgoal, sequence: SolutionSequence, names: Sequence[str], sweeps: Sequence[Sweep]
     ) -> SolutionSequence:

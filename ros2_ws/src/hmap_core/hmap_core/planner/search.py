@@ -66,8 +66,7 @@ class Search:
         for number in range(ROUNDS):
             outcome = self.round(Subgoal(goal), sequence, number)
             if isinstance(outcome, Solution):
-                plan = accept(outcome)
-                if plan is not None:
+                if (plan := accept(outcome)) is not None:
                     return plan
                 continue
             if not outcome.ends_round:
@@ -135,8 +134,7 @@ class Search:
             with self.context.record.tree.attempt(f"waypoint {len(waypoints) + 1}: pose {at} of {len(poses) - 1}"):
                 outcome = self.run((*self.contact_strategies(task), *LAST_STRATEGIES), task)
             if isinstance(outcome, Failure):
-                if subgoal.depth == 0:
-                    self.removal.begun = 0  # for the next path
+                self.removal.new_path(subgoal)
                 return replace(outcome, reached=sequence if at else None, at=at)
             sequence, known = outcome.sequence, outcome.known
             if outcome.reach:

@@ -77,8 +77,7 @@ def clear_path(
         The sequence once they are removed, with what is known to work then. The failure ends the round if a body cannot
         be removed.
     """
-    if subgoal.depth == 0:
-        search.removal.begun = 0
+    search.removal.new_path(subgoal)
     if not blockers:
         return Solution(sequence)
     try:
