@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from many_parts_fixtures import keeps_limit
+from many_parts_fixtures import ends_within
 from numba import njit
 from numba.core.compiler_lock import global_compiler_lock
 
@@ -98,7 +98,8 @@ def test_a_plan_that_is_not_judged_in_time_is_none(monkeypatch):
 @pytest.mark.parametrize("limit", [0.3, 0.8])
 def test_whole_plans_among_many_parts_keep_their_time_limit(plan, limit):
     """It was up to four times the limit."""
-    assert keeps_limit(lambda: many_parts.run_plan(many_parts.carried(PARTS, PARTS, 1), limit), limit)
+    scene = many_parts.carried(PARTS, PARTS, 1)
+    assert ends_within(1.1 * limit + LONGEST, lambda: many_parts.run_plan(scene, limit))
 
 
 def test_some_time_is_left_for_the_last_step():

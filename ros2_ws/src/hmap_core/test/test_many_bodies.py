@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from geometry_fixtures import box
-from many_parts_fixtures import keeps_limit, parts, random_pose
+from many_parts_fixtures import ends_within, parts, random_pose
 from simulation_fixtures import HOME
 from simulation_fixtures import scene as scene_of
 
@@ -155,4 +155,4 @@ def test_motions_of_an_arm_among_many_parts_keep_their_time_limit(limit):
             planner.plan_motion(world, "left", q=goal, time_limit=limit)
         assert error.value.code == Code.NO_MOTION
 
-    assert keeps_limit(search, limit)
+    assert ends_within(1.1 * limit, search)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from geometry_fixtures import box
-from many_parts_fixtures import keeps_limit, parts, random_pose
+from many_parts_fixtures import ends_within, parts, random_pose
 
 from hmap_core import clock
 from hmap_core.benchmark.many_parts import window
@@ -18,6 +18,8 @@ from hmap_core.types import Body, BodyKind, Shape, ShapeKind
 from hmap_core.waypoints import NoObjectPath, ObjectPathProblem, checker, plan_waypoints
 from hmap_core.waypoints.checker import Geometry, ObjectChecker
 from hmap_core.waypoints.enclosure import enclosure, inner_ball
+
+LATE = 0.05  # s that a look at the clock comes late
 
 FAR = pose((9, 9, 9))
 RESOLVED = 1e-3  # of the parameter; motions are at most 2 m, and checked to 0.4 mm
@@ -93,7 +95,7 @@ def test_a_search_among_many_parts_keeps_its_time_limit(limit):
             plan_waypoints(problem, np.random.default_rng(0), limit)
         assert not error.value.proven and "lid" in error.value.blockers
 
-    assert keeps_limit(search, limit)
+    assert ends_within(1.1 * limit + LATE, search)
 
 
 def tiles_and_comb(n, closed):
@@ -123,12 +125,12 @@ def test_a_search_of_pushes_among_many_parts_keeps_its_time_limit(limit, removab
         with pytest.raises(NoObjectPath):
             plan_waypoints(problem, np.random.default_rng(0), limit)
 
-    assert keeps_limit(search, limit)
+    assert ends_within(1.1 * limit + LATE, search)
 
 
 def test_a_path_among_many_parts_is_found_and_smoothed_well_within_its_time():
     problem, paths = tiles_and_comb(1000, closed=False), []
-    assert keeps_limit(lambda: paths.append(plan_waypoints(problem, np.random.default_rng(0), 10.0)), 2.0)
+    assert ends_within(2.0, lambda: paths.append(plan_waypoints(problem, np.random.default_rng(0), 10.0)))
     assert len(paths[-1].poses) > 2
 
 

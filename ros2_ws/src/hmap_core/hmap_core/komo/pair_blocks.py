@@ -61,6 +61,7 @@ def _shapes_of(cols: Collisions) -> Collisions:
 
 
 def _clustered(cols: Collisions) -> tuple[Collisions, Blocks]:
+    """As :func:`in_blocks`, but for the minimum distances, which are not sorted."""
     is_used = np.zeros(len(cols.frame), bool)
     is_used[cols.a] = is_used[cols.b] = True
     used = np.flatnonzero(is_used)
@@ -81,7 +82,7 @@ def _clustered(cols: Collisions) -> tuple[Collisions, Blocks]:
     check_time()
     starts = np.flatnonzero(np.diff(key[order], prepend=-1))
     count, none = len(cols.frame), np.zeros((len(members), 3))
-    sorted_pairs = {name: getattr(cols, name)[order] for name in PER_PAIR}
+    sorted_pairs = {name: getattr(cols, name)[order] for name in PER_PAIR if name != "min_distance"}
     blocks = Blocks(
         np.append(starts, len(order)).astype(np.int64),
         count + cluster[cols.a[order[starts]]],
