@@ -8,6 +8,7 @@ Diebel, "Representing attitude", 2006, derives the quaternion formulas; it write
 import math
 import warnings
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +16,8 @@ from scipy.spatial.transform import Rotation, Slerp
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 IDENTITY.setflags(write=False)
+
+_Angle = TypeVar("_Angle", float, np.ndarray)
 
 
 def pose(position: ArrayLike = (0.0, 0.0, 0.0), quaternion: ArrayLike = (0.0, 0.0, 0.0, 1.0)) -> np.ndarray:
@@ -206,6 +209,11 @@ def distance(T_a: np.ndarray, T_b: np.ndarray) -> tuple[float, float]:
     q = quaternion_multiply(T_a[3:] * [-1.0, -1.0, -1.0, 1.0], T_b[3:])
     angle = 2.0 * np.arctan2(np.linalg.norm(q[:3]), abs(q[3]))
     return float(np.linalg.norm(T_a[:3] - T_b[:3])), float(angle)
+
+
+def wrapped(angle: _Angle) -> _Angle:
+    """The angle in rad, or each of several, in [-pi, pi)."""
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi
 
 
 def consistent(poses: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 
 from hmap_core.benchmark.instances import Answer
 from hmap_core.benchmark.rai_side import robotic, wxyz
+from hmap_core.transforms import wrapped
 from hmap_core.types import Body
 from hmap_core.validation import rigid
 from hmap_core.validation.geometry import Boxes, Gauge, box_gap, solid, transform
@@ -95,8 +96,7 @@ def solve_rai(problem: ObjectPathProblem, config) -> Answer:
 def _joints(problem: ObjectPathProblem, T: np.ndarray) -> np.ndarray:
     """RAI's joint state at T_world_obj (7,)."""
     if problem.motion == "planar":
-        yaw = 2.0 * np.arctan2(T[5], T[6])
-        return np.array([T[0], T[1], (yaw + np.pi) % (2.0 * np.pi) - np.pi])
+        return np.array([T[0], T[1], wrapped(2.0 * np.arctan2(T[5], T[6]))])
     return np.array(wxyz(T))
 
 

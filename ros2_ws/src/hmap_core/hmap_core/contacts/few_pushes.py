@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hmap_core.contacts.push_path import SHORT, Leg, PushPlanner, wrapped
-from hmap_core.transforms import consistent
+from hmap_core.contacts.push_path import SHORT, Leg, PushPlanner
+from hmap_core.transforms import consistent, wrapped
 from hmap_core.waypoints.checker import planar_yaw
 from hmap_core.waypoints.resample import resample
 

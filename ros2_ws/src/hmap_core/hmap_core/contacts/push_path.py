@@ -18,14 +18,13 @@ import heapq
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import count
-from typing import TypeVar
 
 import numpy as np
 from scipy.spatial import ConvexHull
 
 from hmap_core.contacts.facets import facets
 from hmap_core.contacts.push import FRICTION_SHARE, UPRIGHT, SlidingBody
-from hmap_core.transforms import consistent, distance
+from hmap_core.transforms import consistent, distance, wrapped
 from hmap_core.types import Body
 from hmap_core.waypoints.checker import Geometry, ObjectChecker, planar_pose, planar_yaw
 from hmap_core.waypoints.problem import ObjectPathProblem
@@ -57,8 +56,6 @@ ARC_STEP = float(np.deg2rad(3.0))  # rad; arcs are checked and sampled as chords
 LEVEL = 1e-3  # m; largest height difference of a planar path
 MIN_LENGTH = 1e-4  # m; shorter legs are ignored
 MIN_TURN = 1e-3  # rad; smaller rotations are ignored
-
-_Angle = TypeVar("_Angle", float, np.ndarray)
 
 
 @dataclass(frozen=True)
@@ -364,8 +361,3 @@ def _is_along(leg: Leg, direction: float) -> bool:
 def _turned(p: np.ndarray, yaw: float) -> np.ndarray:
     c, s = np.cos(yaw), np.sin(yaw)
     return np.array([c * p[0] - s * p[1], s * p[0] + c * p[1]])
-
-
-def wrapped(angle: _Angle) -> _Angle:
-    """The angle in rad, or each of several, in [-pi, pi)."""
-    return (angle + np.pi) % (2.0 * np.pi) - np.pi

@@ -4,6 +4,7 @@ from functools import partial
 
 import numpy as np
 
+from hmap_core.transforms import wrapped
 from hmap_core.waypoints.checker import ObjectChecker, planar_pose, planar_yaw
 from hmap_core.waypoints.ompl_solver import Query, Space, box_bounds, known_planner, modules, seeded
 from hmap_core.waypoints.plan import DEFAULT_TIME_LIMIT, plan_waypoints
@@ -119,8 +120,7 @@ class PlanarPoses(Space):
     def write(self, state, values: np.ndarray) -> None:
         """Makes a state that of a pose (7,)."""
         state.setXY(float(values[0]), float(values[1]))
-        yaw = planar_yaw(self._reference, values)
-        state.setYaw(float((yaw + np.pi) % (2.0 * np.pi) - np.pi))
+        state.setYaw(float(wrapped(planar_yaw(self._reference, values))))
 
 
 class SpatialPoses(Space):
