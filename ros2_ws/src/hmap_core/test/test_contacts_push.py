@@ -14,7 +14,7 @@ from hmap_core.contacts.push import ATTACHED_CLEARANCE, SlidingBody, slide_twist
 from hmap_core.contacts.push_path import sides
 from hmap_core.contacts.sampler import sample_contacts
 from hmap_core.contacts.surface import sample_surface
-from hmap_core.transforms import apply, from_rpy, inverse, multiply, pose
+from hmap_core.transforms import apply, from_rpy, inverse, multiply, pose, rotation_matrix
 from hmap_core.types import AttachedBody, Body, BodyKind, ContactKind, ContactPoint, Shape, ShapeKind, TaskMode
 
 CRATE = box("crate", (0.10, 0.06, 0.06), (0, 0, 0), kind=BodyKind.MOVABLE, mass=0.3, friction=0.5)
@@ -25,6 +25,7 @@ CORNERS = np.array([[x, y, z] for x in (-0.2, 0.2) for y in (-0.03, 0.03) for z 
 WITH_TOOL = Hand(apply(inverse(T_HOLD), CORNERS), None, HELD)
 T_CRATE = pose((0.5, 0.1, 0.03), yaw(0.3))
 AHEAD = multiply(T_CRATE, pose((0.01, 0, 0)))
+TALL = box("tall", (0.10, 0.06, 0.20), (0, 0, 0), kind=BodyKind.MOVABLE, mass=0.3, friction=0.8)
 OCTAGON = Body(
     "octagon",
     BodyKind.MOVABLE,
@@ -35,12 +36,11 @@ OCTAGON = Body(
 )
 
 
-def pushes_of(body, hand, T_next=AHEAD, n=400):
+def pushes_of(body, hand, T_next=AHEAD, n=400, support_friction=None):
     points, normals = sample_surface(body.shapes, n, np.random.default_rng(0))
     cloud = Cloud(points, normals, np.ones(n, bool))
-    batches = sample_contacts(
-        body, cloud, hand, TaskMode.PHYSICAL, Situation(T_CRATE, T_next), np.random.default_rng(1)
-    )
+    situation = Situation(T_CRATE, T_next, support_friction=support_friction)
+    batches = sample_contacts(body, cloud, hand, TaskMode.PHYSICAL, situation, np.random.default_rng(1))
     return [c for batch in batches for c in batch if c.kind == ContactKind.PUSH]
 
 
@@ -81,6 +81,26 @@ def test_what_a_push_turns_the_tool_by_is_friction_at_the_lever_of_the_grip():
     share = push_torque_ratio(HELD, GRIPPER, CRATE, [low, lifted])
     assert share == pytest.approx([0.0, CRATE.friction * CRATE.mass * GRAVITY * 0.04 / capacity], abs=1e-9)
     assert push_torque_ratio(HELD, GRIPPER, CRATE, []).shape == (0,)
+
+
+def test_a_hand_that_leans_a_little_may_come_almost_along_itself():
+    def of(contact):
+        R = rotation_matrix(contact.T_obj_ee)
+        return np.rad2deg(np.arccos(-R[2, 2])), np.degrees(np.arccos(-(R @ contact.approach)[2]))
+
+    leaning = [of(contact) for contact in pushes_of(CRATE, HAND)]
+    steep = {round(lean) for lean, way in leaning if way < 30.0}
+    assert steep == {15, 30}
+    assert {0, 60, 90} <= {round(lean) for lean, _ in leaning}
+
+
+def test_how_high_a_push_may_be_is_up_to_the_friction_with_the_support():
+    def highest(support_friction):
+        return 0.10 + max(c.point[2] for c in pushes_of(TALL, HAND, n=2000, support_friction=support_friction))
+
+    low, high = highest(None), highest(0.3)
+    assert 0.05 < low <= 0.05 / 0.8 < high <= 0.05 / 0.3
+    assert highest(0.9) == low  # the lower one of both counts
 
 
 @pytest.mark.parametrize(("body", "count"), [(CRATE, 4), (OCTAGON, 8)])

@@ -11,7 +11,7 @@ from simulation_fixtures import box, scene
 from hmap_core import plan_file, planner
 from hmap_core.contacts.camera import Cloud
 from hmap_core.contacts.candidates import Situation
-from hmap_core.contacts.press import FORCES, Press, PressedSupport, force_limit, press_reach
+from hmap_core.contacts.press import FORCES, Press, SlidingSupport, force_limit, press_reach
 from hmap_core.contacts.press_efforts import PRESS_TIME
 from hmap_core.contacts.surface import sample_surface
 from hmap_core.exceptions import Code, HmapError, InputError
@@ -41,7 +41,7 @@ def along(x: float, y: float, turn: float = 0.0, steps: int = 15) -> np.ndarray:
 
 def press_on(body=PLATE, table=TABLE, poses=None, model=MODEL) -> Press:
     poses = along(0.15, 0.0) if poses is None else poses
-    return Press(body, model, PressedSupport.of(body, poses, [table]), poses[0])
+    return Press(body, model, SlidingSupport.of(body, poses, [table]), poses[0])
 
 
 def sampled(press: Press, body=PLATE):

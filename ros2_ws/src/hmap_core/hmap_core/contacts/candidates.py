@@ -75,12 +75,14 @@ class Situation:
         robot_position: (3,) the robot's base, world frame; None: any.
         R_world_hand: (3, 3) orientation that the hand of an arm with few joints keeps, but for rotations about the
             vertical; None: it reaches any.
+        support_friction: highest coefficient of what the object slides on; None: not known.
     """
 
     T_world_obj: np.ndarray
     T_world_next: np.ndarray | None = None
     robot_position: np.ndarray | None = None
     R_world_hand: np.ndarray | None = None
+    support_friction: float | None = None
 
 
 @dataclass(frozen=True)

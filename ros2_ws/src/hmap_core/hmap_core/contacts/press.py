@@ -45,19 +45,19 @@ PRESS_SCORE = 1.0  # score of a press at the centre of mass; it decreases with t
 
 
 @dataclass(frozen=True)
-class PressedSupport:
+class SlidingSupport:
     """What an object slides on.
 
     Attributes:
         tops: polygons (n, 2) of level faces at the object's height, world frame, counter-clockwise.
-        friction: the highest coefficient of their bodies.
+        friction: the highest coefficient of their bodies; 0 if there are none.
     """
 
     tops: tuple[np.ndarray, ...]
     friction: float
 
     @staticmethod
-    def of(body: Body, poses: np.ndarray, around: Sequence[Body]) -> "PressedSupport":
+    def of(body: Body, poses: np.ndarray, around: Sequence[Body]) -> "SlidingSupport":
         """The level faces below an object along poses (M, 7), of the bodies ``around`` at their own poses."""
         shapes = body_set(body)
         up = rotation_matrix(poses[0])[2]
@@ -67,7 +67,9 @@ class PressedSupport:
         tops, friction = [], 0.0
         for other in around:
             own = body_set(other)
-            for s in range(len(own)):
+            center, bound = apply(other.pose, own.center), own.bound + SAME_HEIGHT
+            beside = np.maximum(low - center[:, :2], center[:, :2] - high).max(axis=1)
+            for s in np.flatnonzero((np.abs(center[:, 2] - height) <= bound) & (beside <= bound)).tolist():
                 points = apply(other.pose, own.hull(s))
                 top = points[:, 2] + own.radius[s]
                 face = _polygon(points[np.abs(top - height) <= SAME_HEIGHT, :2])
@@ -77,7 +79,7 @@ class PressedSupport:
                     continue
                 tops.append(face)
                 friction = max(friction, other.friction)
-        return PressedSupport(tuple(tops), friction)
+        return SlidingSupport(tuple(tops), friction)
 
     def below(self, points: np.ndarray) -> np.ndarray:
         """Whether one of the faces is below points (..., 2), EDGE inside it."""
@@ -97,7 +99,7 @@ class Press:
         T_world_obj: (7,) its pose at the start.
     """
 
-    def __init__(self, body: Body, model: RobotModel, support: PressedSupport, T_world_obj: np.ndarray):
+    def __init__(self, body: Body, model: RobotModel, support: SlidingSupport, T_world_obj: np.ndarray):
         self._body, self._model, self._support = body, model, support
         self._slide = SlidingBody(body, T_world_obj)
         self._finger = FRICTION_SHARE * body.friction * finger_friction(model)
@@ -282,7 +284,7 @@ def press_reach(
     last = np.full(len(contacts), len(poses) - 1)
     own = [k for k, contact in enumerate(contacts) if contact.kind == ContactKind.PRESS]
     if own:
-        press = Press(body, model, PressedSupport.of(body, poses, around), poses[0])
+        press = Press(body, model, SlidingSupport.of(body, poses, around), poses[0])
         last[own] = press.reach([contacts[k] for k in own], poses)
     return last
 

@@ -25,7 +25,7 @@ from hmap_core.waypoints.support import feet
 # largest angle of a pushed face to the vertical, rad
 UPRIGHT = float(np.deg2rad(10.0))
 # angle of the fingers between pointing straight down and pointing at the face, rad
-LEANS = np.deg2rad([0.0, 30.0, 60.0, 90.0])
+LEANS = np.deg2rad([0.0, 15.0, 30.0, 60.0, 90.0])
 # rotations of the hand about its approach: faces or sides of the pads against the object
 ROLLS = np.deg2rad([0.0, 90.0, 180.0, 270.0])
 # sides of a hand that turns about the vertical only, the widest ones
@@ -41,6 +41,8 @@ MAX_RISE = 1e-3  # m
 MAX_TILT = float(np.deg2rad(1.0))
 # approach directions: metres down and to the side for each metre ahead, and their cost in score
 FINGER_APPROACHES = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.05))
+# of a hand that leans, too: it comes almost along itself where something stands behind the object
+STEEP_APPROACH, STEEP_LEANS = (2.0, 0.0, 0.05), np.deg2rad([5.0, 45.0])
 ATTACHED_APPROACHES = (*FINGER_APPROACHES, (0.0, 1.0, 0.05), (0.0, -1.0, 0.05))
 # height of an attached body above the support, if its height is free, m
 ATTACHED_CLEARANCE = 0.005
@@ -244,6 +246,7 @@ def pushes(
     if twists is None or not slide.footprint:
         return None
     friction = hand.friction(body.friction)
+    sliding = min(body.friction, np.inf if situation.support_friction is None else situation.support_friction)
     sideways = np.abs(cloud.normals @ slide.up) <= np.sin(UPRIGHT)
     cloud = cloud[sideways & (cloud.points @ slide.up >= slide.lowest + MIN_HEIGHT)]
     cloud = cloud[slide.behind(cloud.normals, twists, FRICTION_SHARE * friction)]
@@ -270,7 +273,7 @@ def pushes(
             axis=0,
         )
         keep &= _overlaps(slide, R, origin, feature, tip)
-        keep &= _stays_upright(points @ slide.up - slide.lowest, flat, slide.footprint, slide.middle, friction)
+        keep &= _stays_upright(points @ slide.up - slide.lowest, flat, slide.footprint, slide.middle, sliding)
         score = (
             scoring.position_score(points, normals, cloud.seen[index], centre, radius, situation)
             + scoring.W_ABOVE * scoring.above(R[:, :, 2], situation.T_world_obj)
@@ -278,14 +281,23 @@ def pushes(
             + scoring.W_ROBUST * robust
         )
         sideways = np.cross(normals, slide.up)
-        for down, aside, price in ATTACHED_APPROACHES if hand.attached else FINGER_APPROACHES:
+        for (down, aside, price), serves in _approaches(hand, R, slide.up):
             way = -normals - down * slide.up + aside * sideways
             approach = np.einsum("nij,ni->nj", R, way / np.linalg.norm(way, axis=1)[:, None])
             arrays = (R, origin, np.full(len(points), hand.closed), approach, points, normals, score - price)
-            found.append([a[keep] for a in arrays])
+            found.append([a[keep & serves] for a in arrays])
     *made, points, normals, score = (np.concatenate(a) for a in zip(*found, strict=True))
     poses = HandPoses(*made)
     return Candidates(ContactKind.PUSH, poses.R[:, :, 2], points, normals, score, poses.__getitem__)
+
+
+def _approaches(hand: Hand, R: np.ndarray, up: np.ndarray) -> Iterator[tuple[tuple[float, float, float], np.ndarray]]:
+    """The approaches of a hand or an attached body, each with the orientations (N, 3, 3) that it is for, (N,) bool."""
+    for approach in ATTACHED_APPROACHES if hand.attached else FINGER_APPROACHES:
+        yield approach, np.ones(len(R), bool)
+    if hand.attached is None:
+        steepness = -R[:, :, 2] @ up
+        yield STEEP_APPROACH, (steepness <= np.cos(STEEP_LEANS[0])) & (steepness >= np.cos(STEEP_LEANS[1]))
 
 
 def _overlaps(
@@ -454,7 +466,10 @@ def _shortened(ends: np.ndarray, edge: float, most: float) -> np.ndarray:
 
 
 def _stays_upright(height, flat, footprint, middle, friction) -> np.ndarray:
-    """Whether (N,) the object slides rather than topples over its leading edge when pushed at ``height`` (N,) m."""
+    """Whether (N,) the object slides rather than topples over its leading edge when pushed at ``height`` (N,) m.
+
+    ``friction`` is the coefficient with its support.
+    """
     corners = np.concatenate(footprint) - middle
     lead = (-flat @ corners.T).max(axis=1)
     return friction * height <= lead

@@ -13,6 +13,7 @@ from hmap_core.contacts.feasibility import reach_bounds
 from hmap_core.contacts.free_rotation import reached_frames
 from hmap_core.contacts.grasp_torque import pad_balance, push_torque_ratio
 from hmap_core.contacts.hand import align_pads, drawn_back, drop_unfit_grasps, hand_of
+from hmap_core.contacts.press import SlidingSupport
 from hmap_core.contacts.sampler import sample_contacts
 from hmap_core.contacts.solids import solids
 from hmap_core.deadline import check_time
@@ -20,6 +21,7 @@ from hmap_core.kinematics.arm import ALL_DIRECTIONS, load_arm
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.planner.nearby_shapes import box_of, shapes_in_box
 from hmap_core.planner.protocols import ContactProposals, ContactQuery
+from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.transforms import multiply, rotation_matrix
 from hmap_core.types import Body, ContactPoint, Robot, Scene, SceneState, TaskMode
 
@@ -61,7 +63,8 @@ class SampledContacts:
         hand = hand_of(placed)
         ahead = poses[1] if len(poses) > 1 else None
         limited = load_arm(placed.model).mobility < ALL_DIRECTIONS
-        situation = Situation(poses[0], ahead, placed.base_pose[:3], _home_orientation(placed) if limited else None)
+        home = _home_orientation(placed) if limited else None
+        situation = Situation(poses[0], ahead, placed.base_pose[:3], home, support_friction(query, poses))
         body, total = scene.bodies[query.object], 0
         for batches in self._sources(query, hand, surface, situation, query.rng):
             for batch in batches:
@@ -133,7 +136,8 @@ class SampledContacts:
         hand = hand_of(robot)
         gripper = hand.gripper
         surface = sampled_surface(query.scene, query.state, query.object, T, rng)
-        situation = Situation(T, ahead, robot.base_pose[:3])
+        friction = support_friction(query, T[None])
+        situation = Situation(T, ahead, robot.base_pose[:3], support_friction=friction)
         free: list[ContactPoint] = []
         looked = 0
         for batch in chain.from_iterable(self._sources(query, hand, surface, situation, rng)):
@@ -167,6 +171,13 @@ class SampledContacts:
 
 
 _FREE: OrderedDict[tuple, tuple[Scene, list[ContactPoint]]] = OrderedDict()  # the last PLACES_KEPT
+
+
+def support_friction(query: ContactQuery, object_poses: np.ndarray) -> float | None:
+    """The highest friction coefficient of what the object slides on along poses (M, 7); None if on nothing level."""
+    around = placed_bodies(query.scene, query.state, query.object)
+    support = SlidingSupport.of(query.scene.bodies[query.object], object_poses, around)
+    return support.friction if support.tops else None
 
 
 def _place(query: ContactQuery) -> tuple:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from hmap_core.contacts.candidates import Situation
-from hmap_core.contacts.press import Press, PressedSupport
+from hmap_core.contacts.press import Press, SlidingSupport
 from hmap_core.planner.contact_finder import ProposeAndCheck
 from hmap_core.planner.protocols import ContactChecker, ContactProposals, ContactProposer, ContactQuery
 from hmap_core.planner.sampled_contacts import sampled_surface
@@ -46,5 +46,5 @@ def press_finder(checker: ContactChecker, *others: ContactProposer) -> ProposeAn
 def press_of(scene: Scene, state: SceneState, object: str, robot: str, poses: np.ndarray) -> Press:
     """The presses of a robot on an object that slides along poses (M, 7)."""
     body = scene.bodies[object]
-    support = PressedSupport.of(body, poses, placed_bodies(scene, state, object))
+    support = SlidingSupport.of(body, poses, placed_bodies(scene, state, object))
     return Press(body, scene.robots[robot].model, support, poses[0])
