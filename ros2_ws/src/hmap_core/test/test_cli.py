@@ -48,7 +48,7 @@ def test_valid_plan_is_reported_as_json(urdf, tmp_path, capsys):
     assert main(["check", write(tmp_path / "p.json", plans.carry(urdf)), "--json"]) == 0
     out = json.loads(capsys.readouterr().out)
     assert out["valid"] is True and out["violations"] == []
-    assert set(out) == {"valid", "violations", "goal_error", "min_clearance_m"}
+    assert set(out) == {"valid", "violations", "goal_error", "min_clearance_m", "min_held_clearance_m"}
 
 
 def test_invalid_plan_is_reported_as_json(urdf, tmp_path, capsys):

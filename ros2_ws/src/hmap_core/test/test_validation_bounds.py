@@ -67,16 +67,16 @@ def test_nothing_is_suspicious_where_all_is_far(world):
 def test_the_clearance_is_the_smallest_measured_distance(world):
     pairs = made(world)
     smallest = min(measured(world, pair).min() for pair in pairs if pair.clearance)
-    found = collision.check(world, pairs, Findings())
+    found = collision.check(world, pairs, Findings()).every
     assert found <= smallest + 1e-12
     assert found == pytest.approx(smallest, abs=limits.PENETRATION)  # it may be less between two samples
 
 
 def test_pairs_judged_a_few_at_a_time_give_the_same(world, monkeypatch):
     pairs = made(world)
-    together = collision.check(world, pairs, Findings())
+    together = collision.check(world, pairs, Findings()).every
     monkeypatch.setattr(limits, "MAX_PAIR_SAMPLES", world.samples)
-    assert collision.check(world, pairs, Findings()) == pytest.approx(together, abs=1e-12)
+    assert collision.check(world, pairs, Findings()).every == pytest.approx(together, abs=1e-12)
 
 
 def test_the_gap_of_a_contact_is_never_below_the_measured_one(world):
@@ -156,6 +156,18 @@ def test_worlds_of_many_parts_are_judged_as_those_of_few(urdf, made, monkeypatch
         after = judge.check(plan)
         assert after.violations == before.violations and after.valid == (drop == 0.0)
         assert after.min_clearance_m == before.min_clearance_m
+        assert after.min_held_clearance_m == before.min_held_clearance_m
+
+
+@pytest.mark.parametrize("many", [math.inf, 0], ids=["few parts", "many parts"])
+@pytest.mark.parametrize(("gap", "found"), [(0.005, 0.005), (0.2, 0.2), (0.6, None), (-5e-4, -5e-4)])
+def test_the_clearance_of_held_bodies_is_that_from_other_bodies(urdf, gap, found, many, monkeypatch):
+    """The robot's hand is nearer to the bodies that it moves, and does not count."""
+    monkeypatch.setattr(pairs, "MANY", many)
+    wall = plans.box("wall", (0.1, 0.1, 0.2), (0.2 + plans.SIDE / 2 + 0.05 + gap, 0.0, 0.1), "fixed")
+    report = judge.check(plans.carry(urdf, extra=(wall,)))
+    assert report.min_held_clearance_m == (None if found is None else pytest.approx(found, abs=1e-6))
+    assert report.min_clearance_m < 0.1
 
 
 @pytest.mark.parametrize("near", [judge.NEAR, -1.0])

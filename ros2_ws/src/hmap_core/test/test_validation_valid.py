@@ -24,7 +24,7 @@ def test_report_has_exactly_the_documented_keys(urdf):
     plan = plans.carry(urdf)
     plan["goal"]["pose"][0] += 0.1
     out = json.loads(json.dumps(check(plan).to_dict(), allow_nan=False))
-    assert set(out) == {"valid", "violations", "goal_error", "min_clearance_m"}
+    assert set(out) == {"valid", "violations", "goal_error", "min_clearance_m", "min_held_clearance_m"}
     assert set(out["goal_error"]) == {"position_m", "rotation_deg"}
     assert out["valid"] is False
     assert [set(v) for v in out["violations"]] == [{"kind", "bodies", "time", "amount", "limit"}]

@@ -60,3 +60,5 @@ def _print(report) -> None:
     print(f"goal error      {error['position_m'] * 1e3:.2f} mm, {error['rotation_deg']:.2f} deg")
     if report.min_clearance_m is not None:
         print(f"min clearance   {report.min_clearance_m * 1e3:.2f} mm")
+    if report.min_held_clearance_m is not None:
+        print(f"  of what is held   {report.min_held_clearance_m * 1e3:.2f} mm")

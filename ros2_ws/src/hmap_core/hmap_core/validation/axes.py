@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hmap_core.validation.world import Part, World
+from hmap_core.validation.world import Part, Track, World
 
 
 class SeparatingAxes:
@@ -48,12 +48,26 @@ class SeparatingAxes:
             return np.full(last - first, -np.inf)
         frame, part = self._world.tracks[self._frame], self._world.tracks[self._part]
         own = frame.R[k].T @ (self._sign / length * normal)
-        R = part.R[first : last + 1]
-        towards = frame.R[first : last + 1] @ own
-        back = -np.einsum("nji,nj->ni", R, towards)
-        offset = np.einsum("ni,ni->n", part.p[first : last + 1] - frame.p[first : last + 1], towards)
-        gap = offset - self._part.solid.support(back) - self._frame.solid.support(own[None])
+        gap = gap_along(frame, part, own, slice(first, last + 1))
         return np.minimum(gap[:-1], gap[1:]) - self._bend[first:last]
+
+
+def gap_along(frame: Track, part: Track, direction: np.ndarray, rows: slice) -> np.ndarray:
+    """Gaps between two parts along a direction that is fixed to one of them, at some instants.
+
+    Args:
+        frame: the part that the direction is fixed to.
+        part: the other one.
+        direction: (3,) unit vector from the first to the other, in the frame of the first.
+        rows: n instants.
+
+    Returns:
+        (n,) in metres; negative where the parts overlap along it.
+    """
+    towards = frame.R[rows] @ direction
+    back = -np.einsum("nji,nj->ni", part.R[rows], towards)
+    offset = np.einsum("ni,ni->n", part.p[rows] - frame.p[rows], towards)
+    return offset - part.part.solid.support(back) - frame.part.solid.support(direction[None])
 
 
 def frame_and_part(world: World, a: Part, b: Part) -> tuple[Part, Part]:

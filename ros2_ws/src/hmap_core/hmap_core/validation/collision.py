@@ -2,7 +2,8 @@
 
 Intervals that the bounds of :mod:`hmap_core.validation.bounds` do not clear are bisected with measured distances: first
 down to the samples, then between them, until the bound on the motion between two measurements is below
-``limits.MOTION_BOUND``.
+``limits.MOTION_BOUND``. Where a held body overlaps another one a little, :mod:`hmap_core.validation.head_on` looks
+closer.
 """
 
 from dataclasses import dataclass, field
@@ -10,8 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hmap_core.validation import limits
+from hmap_core.validation import head_on, limits
 from hmap_core.validation.bounds import Bounds, PartBoxes
+from hmap_core.validation.head_on import Overlap
+from hmap_core.validation.held import NOTHING_HELD, HeldBodies
 from hmap_core.validation.pairs import Pair
 from hmap_core.validation.report import Findings, Kind
 from hmap_core.validation.world import Part, Track, World
@@ -34,6 +37,18 @@ class Subdivision(NamedTuple):
     end: float
 
 
+class Clearance(NamedTuple):
+    """Smallest distances found among some pairs, m; None where no pair counts.
+
+    Attributes:
+        every: of the pairs that count for the plan's clearance.
+        held: of those of them that are a body that a contact moves and another body.
+    """
+
+    every: float | None
+    held: float | None
+
+
 @dataclass
 class Scan:
     """Measures all pairs of a world.
@@ -41,17 +56,25 @@ class Scan:
     Attributes:
         world: the plan.
         findings: receives the penetrations.
+        held: the bodies that contacts move.
         clearance: smallest distance found so far among the pairs that count for the clearance, m.
+        held_clearance: the same among those of held bodies and other bodies, m.
+        overlaps: where held bodies overlap others by more than flush surfaces may, by pair.
         subdivisions: the steps that remain to be measured between their samples.
     """
 
     world: World
     findings: Findings
+    held: HeldBodies = NOTHING_HELD
     clearance: float = np.inf
+    held_clearance: float = np.inf
+    overlaps: dict[Pair, list[Overlap]] = field(default_factory=dict)
     subdivisions: list[Subdivision] = field(default_factory=list)
 
     def run(self, pairs: list[Pair]) -> None:
         """Checks all pairs, at the samples and between them."""
+        if not pairs:
+            return
         boxes = PartBoxes(self.world)
         self._scan_static([pair for pair in pairs if not pair.moves], boxes)
         moving = [pair for pair in pairs if pair.moves]
@@ -59,6 +82,9 @@ class Scan:
         for i in range(0, len(moving), at_once):
             self._scan_moving(moving[i : i + at_once], boxes)
         self._check_between()
+        for pair, overlaps in self.overlaps.items():
+            if not self.findings.has(Kind.PENETRATION, pair.names):
+                head_on.check(self.world, self.held, pair, overlaps, self.findings)
 
     def _scan_static(self, pairs: list[Pair], boxes: PartBoxes) -> None:
         """Measures pairs without relative motion, at the first sample only."""
@@ -74,7 +100,7 @@ class Scan:
         nearest = bounds.at_anchors.min(axis=1)
         order = np.argsort(nearest, kind="stable").tolist()
         for i in order:
-            if pairs[i].clearance and nearest[i] < self.clearance:
+            if pairs[i].clearance and nearest[i] < self._smallest(pairs[i]):
                 measured[i].distance(int(bounds.anchors[bounds.at_anchors[i].argmin()]))
         uncleared = bounds.uncleared(np.array([self.threshold(pair) for pair in pairs]))
         for i in order:
@@ -83,13 +109,22 @@ class Scan:
 
     def threshold(self, pair: Pair) -> float:
         """The distance in metres above which a pair needs no further measurement."""
-        return max(-limits.PENETRATION, self.clearance if pair.clearance else -np.inf)
+        return max(-pair.depth, self._smallest(pair) if pair.clearance else -np.inf)
 
-    def note(self, pair: Pair, time: float, distance: float) -> None:
-        """Records a measured distance (m) of a pair at a time (s)."""
+    def _smallest(self, pair: Pair) -> float:
+        """The clearance that a pair which counts for it may make smaller, m."""
+        return self.held_clearance if pair.held_clearance else self.clearance  # which is smaller
+
+    def note(self, pair: Pair, at: float, time: float, distance: float) -> None:
+        """Records a distance (m) that a pair's gauge has just measured, at an instant in steps and its time (s)."""
         self.findings.check(Kind.PENETRATION, pair.names, time, -distance, limits.PENETRATION)
-        if pair.clearance and distance < self.clearance:
-            self.clearance = distance
+        if pair.clearance:
+            self.clearance = min(self.clearance, distance)
+        if pair.held_clearance:
+            self.held_clearance = min(self.held_clearance, distance)
+        if pair.held and distance < -limits.HEAD_ON:
+            overlap = Overlap(at, -distance, np.array(pair.gauge.result.normal))
+            self.overlaps.setdefault(pair, []).append(overlap)
 
     def _check_between(self) -> None:
         waiting = [r for r in self.subdivisions if not self.findings.has(Kind.PENETRATION, r.pair.names)]
@@ -108,7 +143,7 @@ class Scan:
         while stack:
             i, j, d_i, d_j = stack.pop()
             motion = pair.motion[step] * (j - i) / count
-            if j - i < 2 or (d_i + d_j - motion) / 2.0 >= -limits.PENETRATION:
+            if j - i < 2 or (d_i + d_j - motion) / 2.0 >= -pair.depth:
                 continue
             middle = (i + j) // 2
             d_middle = self._measure(pair, step, middle, count, subsamples)
@@ -117,8 +152,8 @@ class Scan:
     def _measure(self, pair: Pair, step: int, j: int, count: int, subsamples: "_Subsamples") -> float:
         k = subsamples.index(step, j, count)
         distance = pair.gauge.distance(subsamples.track(pair.a).at(k), subsamples.track(pair.b).at(k))
-        dt = self.world.document.dt
-        self.note(pair, (step + j / count) * dt, distance)
+        at = step + j / count
+        self.note(pair, at, at * self.world.document.dt, distance)
         return distance
 
 
@@ -146,7 +181,7 @@ class _PairDistances:
             gauge = self._pair.gauge
             distance = self._measured[k] = gauge.distance(self._a.at(k), self._b.at(k))
             self._normals[k] = np.array(gauge.result.normal)
-            self._scan.note(self._pair, self._scan.world.document.time[k], distance)
+            self._scan.note(self._pair, k, self._scan.world.document.time[k], distance)
         return self._measured[k]
 
     def bisect(self, first: int, last: int) -> None:
@@ -164,7 +199,7 @@ class _PairDistances:
                 continue
             if j - i > 1:
                 stack += self._unseparated(i, j)
-            elif nearest < -limits.PENETRATION and motion > limits.MOTION_BOUND and not self._separated(i):
+            elif nearest < -self._pair.depth and motion > limits.MOTION_BOUND and not self._separated(i):
                 self._scan.subdivisions.append(Subdivision(self._pair, i, _intervals(motion), d_i, d_j))
 
     def _unseparated(self, i: int, j: int) -> list[tuple[int, int]]:
@@ -184,8 +219,8 @@ class _PairDistances:
         return runs
 
     def _separated(self, i: int) -> bool:
-        """Whether the separating axis at either end of a step excludes a penetration in it."""
-        return any(self._pair.axes.bounds(self._normals[k], k, i, i + 1)[0] >= -limits.PENETRATION for k in (i, i + 1))
+        """Whether the separating axis at either end of a step excludes an overlap in it that matters."""
+        return any(self._pair.axes.bounds(self._normals[k], k, i, i + 1)[0] >= -self._pair.depth for k in (i, i + 1))
 
 
 def _intervals(motion: float) -> int:
@@ -235,17 +270,18 @@ class _Subsamples:
         return self._tracks[part]
 
 
-def check(world: World, pairs: list[Pair], findings: Findings) -> float | None:
-    """Reports every penetration.
+def check(world: World, pairs: list[Pair], findings: Findings, held: HeldBodies = NOTHING_HELD) -> Clearance:
+    """Reports every penetration, and held bodies that run head-on into others.
 
     Args:
         world: the plan.
         pairs: the pairs to check.
         findings: receives the violations.
+        held: the bodies that contacts move.
 
     Returns:
-        The smallest clearance in metres; None if no pair counts for it.
+        The smallest clearances.
     """
-    scan = Scan(world, findings)
+    scan = Scan(world, findings, held)
     scan.run(pairs)
-    return float(scan.clearance) if np.isfinite(scan.clearance) else None
+    return Clearance(*(float(d) if np.isfinite(d) else None for d in (scan.clearance, scan.held_clearance)))

@@ -19,19 +19,14 @@ from hmap_core.validation import (
     switches,
     toppling,
 )
+from hmap_core.validation.collision import Clearance
+from hmap_core.validation.held import HeldBodies
 from hmap_core.validation.pairs import PairBuilder
 from hmap_core.validation.report import Findings, Report
 from hmap_core.validation.support import SupportCheck
 from hmap_core.validation.world import World
 
-
-def _may_touch(made: list[contacts.Contact], carried: set[frozenset[str]]) -> set[frozenset[str]]:
-    """Pairs of owners that touch by design and therefore do not count for the clearance."""
-    touched = {frozenset((owner, contact.object)) for contact in made for owner in contact.touching}
-    return touched | carried
-
-
-NEAR = 0.5  # m; pairs that stay farther apart are compared only if none is nearer
+NEAR = 0.5  # m; pairs that stay farther apart are compared only if none is nearer, and never for held bodies
 CLOSE = (0.01, 0.03, 0.1)  # m; the same in worlds of many parts, one after the other
 
 
@@ -66,10 +61,10 @@ def check(plan: dict, check_time: Callable[[], object] = document.no_limit) -> R
     toppling.check(world, made, support.finder, findings)
     presses.check(world, made, support.finder, findings)
     loads.check(world, made, support.finder, findings)
-    clearance = _clearance(world, _may_touch(made, support.pairs), findings)
+    clearance = _clearance(world, HeldBodies.of(world, made), support.pairs, findings)
     error = objects.check_goal(world, findings)
     violations = findings.violations()
-    return Report(not violations, violations, error, clearance)
+    return Report(not violations, violations, error, clearance.every, clearance.held)
 
 
 def executed_clearance(plan: dict, executed: dict) -> float | None:
@@ -89,15 +84,19 @@ def executed_clearance(plan: dict, executed: dict) -> float | None:
     made = contacts.collect(planned)
     support = SupportCheck(planned, made, Findings())
     support.run()
-    return _clearance(World(document.read(executed)), _may_touch(made, support.pairs), Findings())
+    held = HeldBodies({}, HeldBodies.of(planned, made).touching)  # what is held, and when, the measurement does not say
+    return _clearance(World(document.read(executed)), held, support.pairs, Findings()).every
 
 
-def _clearance(world: World, touching: set[frozenset[str]], findings: Findings) -> float | None:
-    """Look for penetrations, and find the smallest clearance, m."""
-    pairs = PairBuilder(world, touching)
-    clearance = None
+def _clearance(world: World, held: HeldBodies, carried: set[frozenset[str]], findings: Findings) -> Clearance:
+    """Look for penetrations, and find the smallest clearances; pairs that touch by design do not count for these."""
+    pairs = PairBuilder(world, held.touching | carried, held)
+    every = nearest = None
+    within = 0.0  # a larger clearance may be that of a pair that was left out
     for reach in (*CLOSE, NEAR, math.inf) if pairs.many else (NEAR, math.inf):
-        clearance = collision.check(world, pairs.build(reach), findings)
-        if clearance is not None and clearance <= reach:
-            break  # else the smallest clearance may be that of a pair that was left out
-    return clearance
+        if every is None or every > within:
+            every, nearest = collision.check(world, pairs.build(reach), findings, held)
+        elif reach <= NEAR and (nearest is None or nearest > within):
+            nearest = collision.check(world, pairs.build_held(reach), findings, held).held
+        within = reach
+    return Clearance(every, nearest)

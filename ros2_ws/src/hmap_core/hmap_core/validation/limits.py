@@ -4,6 +4,10 @@ import math
 
 # --- geometry ---
 PENETRATION = 1e-3  # m, deepest allowed overlap of two bodies
+HEAD_ON = 2e-4  # m, the same where a held body meets a face of another one; less is the step between flush surfaces
+TOUCH_DEPTH = 1e-4  # m, overlap from which on two bodies have met; their normal is well defined there
+HEAD_ON_ANGLE = math.radians(60.0)  # between motion and normal; at more, a body slides along the face that it meets
+SAME_NORMAL = math.radians(5.0)  # angle up to which two surfaces that carry a body count as flush
 MOTION_BOUND = 2e-3  # m, steps are subdivided until no point of a pair moves more than this between two measurements
 MAX_SUBDIVISION = 128  # intervals of a step; only a jump, which is a violation itself, would need more
 MAX_PAIR_SAMPLES = 2_000_000  # pairs times samples whose bounds are in memory at once

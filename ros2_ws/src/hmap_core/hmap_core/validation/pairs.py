@@ -1,14 +1,16 @@
 """Pairs of parts to check for collision, with bounds on their relative motion."""
 
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from hmap_core.validation import limits
 from hmap_core.validation.axes import SeparatingAxes, frame_and_part
 from hmap_core.validation.geometry import Gauge
+from hmap_core.validation.held import NOTHING_HELD, HeldBodies
 from hmap_core.validation.near import SweptBoxes
 from hmap_core.validation.world import Part, World
 
@@ -24,6 +26,7 @@ class Pair:
         motion: (N-1,) bound on the relative motion of any two of their points in each step, m.
         clearance: whether their distance counts for the plan's smallest clearance.
         world: the plan.
+        held: whether a contact moves one of them, and is not itself the contact between them.
     """
 
     a: Part
@@ -31,6 +34,17 @@ class Pair:
     motion: np.ndarray
     clearance: bool
     world: World
+    held: bool = False
+
+    @property
+    def held_clearance(self) -> bool:
+        """Whether their distance counts for the smallest clearance of held bodies from other bodies."""
+        return self.clearance and self.held and self.a.link is None and self.b.link is None
+
+    @property
+    def depth(self) -> float:
+        """The overlap up to which the judge does not look closer, m."""
+        return limits.HEAD_ON if self.held else limits.PENETRATION
 
     @property
     def names(self) -> tuple[str, str]:
@@ -62,11 +76,13 @@ class PairBuilder:
     Args:
         world: the plan.
         touching: pairs of owners that touch by design: contacts, and bodies with their supports.
+        held: the bodies that contacts move.
     """
 
-    def __init__(self, world: World, touching: set[frozenset[str]]):
+    def __init__(self, world: World, touching: Set[frozenset[str]], held: HeldBodies = NOTHING_HELD):
         self._world = world
         self._touching = touching
+        self._held = held
         self._motion = {part: world.motion(part).speed(part.reach) for part in world.parts}
         self._immobile = {part: self._is_immobile(part) for part in world.parts}
         self._boxes = SweptBoxes(world, self._motion)
@@ -88,6 +104,18 @@ class PairBuilder:
         parts = self._world.parts
         pairs = (self._pair(parts[i], parts[j]) for i, j in self._numbers(reach))
         return [pair for pair in pairs if pair is not None]
+
+    def build_held(self, reach: float) -> list[Pair]:
+        """The pairs of bodies that contacts move with other bodies.
+
+        Args:
+            reach: pairs that certainly stay farther apart than this are left out, m.
+        """
+        parts = self._world.parts
+        others = np.array([not self._held.moves(part) for part in parts], bool)
+        numbers = self._boxes.pairs(reach, others).tolist()
+        near = ((parts[i], parts[j]) for i, j in numbers if parts[i].link is None and parts[j].link is None)
+        return [pair for pair in (self._pair(a, b) for a, b in near) if pair is not None]
 
     def _numbers(self, reach: float) -> Iterator[tuple[int, int]]:
         """Numbers of the parts of all pairs that may come nearer to each other than ``reach`` (m)."""
@@ -116,6 +144,7 @@ class PairBuilder:
         self._world.check_time()
         pair = Pair(a, b, self._relative_motion(a, b), clearance=False, world=self._world)
         pair.clearance = pair.moves and frozenset(pair.names) not in self._touching
+        pair.held = pair.moves and self._held.concerns(a, b)
         return pair
 
     def _relative_motion(self, a: Part, b: Part) -> np.ndarray:

@@ -14,6 +14,7 @@ class Kind(StrEnum):
     NOT_AT_REST = "not_at_rest"
     JUMP = "jump"
     PENETRATION = "penetration"
+    HEAD_ON = "head_on"
     UNTOUCHED_MOTION = "untouched_motion"
     WRONG_CONTACT_POSE = "wrong_contact_pose"
     SLIP = "slip"
@@ -74,12 +75,15 @@ class Report:
         violations: sorted by time; for each kind and set of bodies only the worst.
         goal_error: ``position_m`` and ``rotation_deg`` of the goal's object at the end.
         min_clearance_m: smallest distance of a pair that does not touch by design; None if there is no such pair.
+        min_held_clearance_m: the same of a body that a contact moves and another body; None if there is no such pair
+            that comes nearer than half a metre.
     """
 
     valid: bool
     violations: tuple[Violation, ...]
     goal_error: dict[str, float]
     min_clearance_m: float | None
+    min_held_clearance_m: float | None
 
     def to_dict(self) -> dict:
         """The report as plain JSON types, with the keys that ``hmap check --json`` prints."""
@@ -88,6 +92,7 @@ class Report:
             "violations": [violation.to_dict() for violation in self.violations],
             "goal_error": dict(self.goal_error),
             "min_clearance_m": self.min_clearance_m,
+            "min_held_clearance_m": self.min_held_clearance_m,
         }
 
 
