@@ -10,6 +10,7 @@ from hmap_core.planner.obstruction import carried_by, met
 from hmap_core.planner.placements import MIN_SPACE, PER_GROUP, STEADY, given_place, inside, level_faces, placements_of
 from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.planner.sweep import joined, nearest, object_sweep, placed, robot_sweeps
+from hmap_core.scenes import SceneBuilder
 from hmap_core.transforms import interpolate, pose
 from hmap_core.waypoints import stable_poses
 
@@ -59,6 +60,19 @@ def test_places_near_an_edge_come_last(tmp_path):
     for seed in range(8):
         for T in places_of(scene, "two", unsteady=frozenset({"table"}), seed=seed)[:PER_GROUP]:
             assert max(inside(face.polygon, T[None, :2])[0] for face in walls) >= STEADY
+
+
+def test_steady_places_elsewhere_come_before_unsteady_ones_on_the_same_support():
+    builder = SceneBuilder("rail", mode="physical")
+    builder.add_box("table", [1.0, 1.0, 0.1], pose=[0.4, 0, -0.05])
+    builder.add_box("rail", [0.4, 0.016, 0.04], pose=[0.4, 0.1, 0.02])
+    builder.add_box("cube", [0.04, 0.04, 0.04], pose=[0.4, 0.1, 0.06], movable=True, mass=0.1)
+    builder.add_box("brick", [0.04, 0.04, 0.04], pose=[0.4, -0.2, 0.02], movable=True, mass=0.1)
+    builder.add_robot("arm", "panda", base_pose=[0, 0, 0])
+    builder.set_goal("brick", pose=[0.5, -0.2, 0.02])
+    heights = [round(float(T[2]), 3) for T in places_of(builder.build(), "cube")]
+    assert heights[0] == 0.02 and heights[-1] == 0.06
+    assert heights == sorted(heights)
 
 
 def test_a_given_place_counts_unless_it_is_in_the_way(tmp_path):

@@ -82,7 +82,7 @@ def placements_of(
 
     They are places on what carries the body now, then on fixed bodies, then on movable ones; each first as the
     body is turned now and then turned by a right angle. Nearer ones come first, those with room for a hand round them
-    before.
+    before. Places from which the body could fall over an edge come after all others.
 
     Args:
         keep_out: where something will pass.
@@ -95,9 +95,15 @@ def placements_of(
     sorts = [here]
     for fixed in _FIXED_FIRST:
         sorts.append([f for f in others if (scene.bodies[f.owner].kind == BodyKind.FIXED) == fixed])
+    unsafe = []
     for sort in sorts:
         for yaw in YAWS:
-            yield from search.best(sort, yaw)
+            for T, steady in search.best(sort, yaw):
+                if steady:
+                    yield T
+                else:
+                    unsafe.append(T)
+    yield from unsafe
 
 
 class PlaceSearch:
@@ -125,13 +131,16 @@ class PlaceSearch:
         """Distance in metres from where others will pass, at most ROOM."""
         return nearest(self.keep_out, {self.name: transformed(self.shapes, T)}, ROOM).get(self.name, ROOM)
 
-    def best(self, faces: Sequence[Face], yaw: float) -> list[np.ndarray]:
-        """Up to PER_GROUP poses (7,) on some faces with the body turned by ``yaw`` from now, the best first."""
+    def best(self, faces: Sequence[Face], yaw: float) -> list[tuple[np.ndarray, bool]]:
+        """Up to PER_GROUP poses (7,) on some faces with the body turned by ``yaw`` from now, and whether it is steady.
+
+        The best come first.
+        """
         ranked = sorted((c for face in faces for c in self._on(face, yaw)), key=lambda c: c[0])
-        chosen: list[np.ndarray] = []
-        for _, T in ranked:
-            if all(np.linalg.norm(T[:3] - other[:3]) >= APART for other in chosen) and not self._tips(T):
-                chosen.append(T)
+        chosen: list[tuple[np.ndarray, bool]] = []
+        for _, T, steady in ranked:
+            if all(np.linalg.norm(T[:3] - other[:3]) >= APART for other, _ in chosen) and not self._tips(T):
+                chosen.append((T, steady))
             if len(chosen) == PER_GROUP:
                 break
         return chosen
@@ -141,8 +150,8 @@ class PlaceSearch:
         bodies = {body.name: body for body in self.standing_bodies} | {self.name: self.scene.bodies[self.name]}
         return self.scene.mode == TaskMode.PHYSICAL and bool(stack_tips(bodies, self.name, T))
 
-    def _on(self, face: Face, yaw: float) -> list[tuple[float, np.ndarray]]:
-        """(cost in metres, pose) of all free places on a face."""
+    def _on(self, face: Face, yaw: float) -> list[tuple[float, np.ndarray, bool]]:
+        """(cost in metres, pose, whether the body is steady there) of all free places on a face."""
         turn = from_rpy((0, 0, 0), (0, 0, yaw))
         turned = multiply(turn, np.r_[0.0, 0.0, 0.0, self.T[3:]])
         height = face.height - feet(self.shapes, rotation_matrix(turned))[1]
@@ -161,14 +170,15 @@ class PlaceSearch:
         cost = np.linalg.norm(poses[:, :3] - self.T[:3], axis=1) + (TURN_COST if yaw else 0.0)
         cost += STRETCH_WEIGHT * np.maximum(0.0, self.stretch(poses[:, :3], COMFORT_SHARE)) + ROOM_WEIGHT * edge
         centre = rotation_matrix(turned) @ centre_of_mass(self.shapes)
-        cost += STEADY_WEIGHT * np.maximum(0.0, STEADY - inside(face.polygon, poses[:, :2] + centre[:2]))
+        missing = np.maximum(0.0, STEADY - inside(face.polygon, poses[:, :2] + centre[:2]))
+        cost += STEADY_WEIGHT * missing
         found = []
-        for T, way in zip(poses, cost, strict=True):
+        for T, way, steady in zip(poses, cost, (missing == 0.0).tolist(), strict=True):
             body = {self.name: transformed(self.shapes, T)}
             space = nearest([around], body, ROOM).get(self.name, ROOM)
             room = self.clear_of_ways(T) if space >= MIN_SPACE else 0.0
             if room >= MIN_SPACE:
-                found.append((way + ROOM_WEIGHT * (2.0 * ROOM - space - room), T))
+                found.append((way + ROOM_WEIGHT * (2.0 * ROOM - space - room), T, steady))
         return found
 
     def samples(self, face: Face) -> np.ndarray:
