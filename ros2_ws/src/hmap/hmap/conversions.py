@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from std_msgs.msg import Header
 
 from hmap_core import plan_file
 from hmap_core.contacts.camera import Cloud
@@ -21,7 +22,7 @@ from hmap_core.types import Body, BodyKind, Plan, Scene, SceneState, Shape, Shap
 from hmap_msgs import msg
 from hmap_msgs_py import bodies, clouds, plans, world
 from hmap_msgs_py.checks import ConversionError, finite, frame
-from hmap_msgs_py.poses import pose_from_message
+from hmap_msgs_py.poses import pose_from_message, pose_to_message
 
 SCENES_KEPT = 16  # number of cached scenes; every request of a plan has the same scene
 
@@ -127,6 +128,34 @@ def state_to_message(
     ]
     placed = [replace(body, pose=state.poses.get(name, body.pose)) for name, body in scene.bodies.items()]
     return world.world_state_to_message(scene.task, scene.seed, scene.mode.value, robots, placed, stamp)
+
+
+def placement_to_message(scene: Scene, state: SceneState) -> msg.WorldState:
+    """Convert where the robots and bodies of a scene are, and nothing else that the scene tells, such as shapes.
+
+    :func:`state_from_message` reads no more than that.
+
+    Raises:
+        ConversionError: a value is not allowed.
+    """
+    robots = [
+        msg.RobotState(
+            name=name,
+            model=robot.model.name,
+            joint_names=list(robot.model.joint_names),
+            position=finite(f"position of {name!r}", state.q[name], (len(robot.model.joint_names),)).tolist(),
+            gripper_opening=float(finite(f"gripper of {name!r}", state.gripper.get(name, 0.0), ())),
+        )
+        for name, robot in scene.robots.items()
+    ]
+    placed = [
+        msg.Body(name=name, kind=body.kind.value, pose=pose_to_message(state.poses.get(name, body.pose), name))
+        for name, body in scene.bodies.items()
+    ]
+    header = Header(frame_id=world.WORLD_FRAME)
+    return msg.WorldState(
+        header=header, task=scene.task, seed=scene.seed, mode=scene.mode.value, robots=robots, bodies=placed
+    )
 
 
 def state_from_message(scene: Scene, message: msg.WorldState) -> SceneState:
@@ -254,7 +283,7 @@ def clouds_in_world(message: msg.ObjectClouds) -> dict[str, np.ndarray]:
 
 def plan_to_message(plan: Plan, stamp: Time | None = None) -> msg.Plan:
     """Convert a plan, in the form of its file."""
-    return plans.plan_to_message(plan_file.to_dict(plan), stamp)
+    return plans.plan_to_message(plan_file.to_dict(plan, arrays=True), stamp)
 
 
 def plan_from_message(message: msg.Plan) -> Plan:

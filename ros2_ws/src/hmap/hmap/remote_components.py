@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from hmap.conversions import cloud_to_message, scene_to_message, state_to_message
+from hmap.conversions import cloud_to_message, placement_to_message, scene_to_message
 from hmap.phase_conversions import (
     contact_from_message,
     contact_to_message,
@@ -33,6 +33,7 @@ from hmap_core.planner.komo_segments import KomoSegmentPlanner
 from hmap_core.types import ContactPoint, Scene, SceneState
 from hmap_core.waypoints import NoObjectPath, ObjectPath
 from hmap_msgs.msg import ErrorCode
+from hmap_msgs.msg import Scene as SceneMessage
 from hmap_msgs.srv import CheckContacts, PlanWaypoints, ProposeContacts, SolveSegment
 from hmap_msgs_py.contacts import contact_to_message as candidate_to_message
 from hmap_msgs_py.poses import pose_to_message, poses_to_messages
@@ -184,9 +185,27 @@ class RosSegmentPlanner:
         return motion_from_response(query.scene, response)
 
 
+class _LastScene:
+    """Converts scenes to messages; all requests of a plan have the same scene, which is converted once."""
+
+    def __init__(self) -> None:
+        self._last: tuple[Scene | None, SceneMessage] = None, SceneMessage()
+
+    def message(self, scene: Scene) -> SceneMessage:
+        """The message of a scene; it is not changed afterwards."""
+        known, message = self._last
+        if known is not scene:
+            message = scene_to_message(scene)
+            self._last = scene, message
+        return message
+
+
+_SCENES = _LastScene()
+
+
 def _fill(request: Any, scene: Scene, state: SceneState, seed: int, time_limit: float) -> None:
     """Write what every planning request holds."""
-    request.scene = scene_to_message(scene)
-    request.world = state_to_message(scene, state)
+    request.scene = _SCENES.message(scene)
+    request.world = placement_to_message(scene, state)
     request.seed = int(seed)
     request.time_limit = max(SHORTEST, float(time_limit))

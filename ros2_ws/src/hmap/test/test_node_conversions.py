@@ -222,3 +222,17 @@ def test_a_request_has_joints_and_fingers_within_their_limits_or_is_refused(scen
     request.world = convert.state_to_message(scene, state)
     with pytest.raises(InputError, match="panda_joint6 at 3.7665; allowed: -0.0175 to 3.7525"):
         scene_and_state(request, told.append)
+
+
+def test_where_everything_is_arrives_as_the_whole_state_does(scene):
+    state = scene.start_state()
+    whole, placed = (make(scene, state) for make in (convert.state_to_message, convert.placement_to_message))
+    assert equal(convert.state_from_message(scene, placed), convert.state_from_message(scene, whole))
+    assert not any(body.shapes for body in placed.bodies)
+
+
+def test_a_pose_that_is_none_is_not_sent(scene):
+    state = scene.start_state()
+    state.poses["bar"] = np.full(7, np.nan)
+    with pytest.raises(ConversionError, match="bar"):
+        convert.placement_to_message(scene, state)

@@ -114,11 +114,12 @@ def _known(key: str, name: str, known: Any) -> None:
         raise PydanticCustomError("name", "{key} = {name} is not in the scene; there are: {known}", context)
 
 
-def to_dict(plan: Plan) -> dict[str, Any]:
+def to_dict(plan: Plan, arrays: bool = False) -> dict[str, Any]:
     """Converts a plan to a JSON value. Lengths, angles and times are rounded to 1e-9.
 
     Args:
         plan: the plan.
+        arrays: whether the numbers of the trajectory stay arrays, which JSON has not.
 
     Returns:
         The document, as ``docs/plan_file.md`` describes it.
@@ -133,7 +134,7 @@ def to_dict(plan: Plan) -> dict[str, Any]:
         "segments": [_segment_dict(segment) for segment in plan.segments],
     }
     _check_finite(document, "plan")
-    return document | {"trajectory": _trajectory_dict(plan.trajectory)}
+    return document | {"trajectory": _trajectory_dict(plan.trajectory, arrays)}
 
 
 def from_dict(document: Any, source: str = "plan") -> Plan:
@@ -205,17 +206,25 @@ def load(path: str | Path) -> Plan:
     return from_dict(read_json(text, str(path), Code.INVALID_PLAN_FILE), str(path))
 
 
-def _trajectory_dict(trajectory: Trajectory) -> dict[str, Any]:
-    def each(key: str) -> dict[str, list]:
-        named = getattr(trajectory, key).items()
-        return {name: _finite(samples, f"plan.trajectory.{key}.{name}") for name, samples in named}
+def _trajectory_dict(trajectory: Trajectory, arrays: bool) -> dict[str, Any]:
+    def written(samples: np.ndarray, key: str) -> Any:
+        rounded = _rounded(samples, f"plan.trajectory.{key}")
+        return rounded if arrays else rounded.tolist()
 
-    time = _finite(trajectory.time, "plan.trajectory.time")
+    def each(key: str) -> dict[str, Any]:
+        return {name: written(samples, f"{key}.{name}") for name, samples in getattr(trajectory, key).items()}
+
+    time = written(trajectory.time, "time")
     return {"time": time} | {key: each(key) for key in ("joints", "gripper", "objects")}
 
 
 def _finite(array: np.ndarray, key: str) -> list:
-    """Converts an array to nested lists of rounded numbers.
+    """Converts an array to nested lists of rounded numbers; raises as :func:`_rounded`."""
+    return _rounded(array, key).tolist()
+
+
+def _rounded(array: np.ndarray, key: str) -> np.ndarray:
+    """The rounded numbers of an array.
 
     Args:
         array: the numbers.
@@ -224,11 +233,12 @@ def _finite(array: np.ndarray, key: str) -> list:
     Raises:
         InputError: the array contains NaN or infinity; the reason names the index.
     """
-    wrong = np.argwhere(~np.isfinite(array))
-    if len(wrong):
+    fine = np.isfinite(array)
+    if not fine.all():
+        wrong = np.argwhere(~fine)
         place = "".join(f"[{i}]" for i in wrong[0])
         raise InputError(f"{key}{place} = {array[tuple(wrong[0])]}: must be finite", Code.INVALID_PLAN_FILE)
-    return to_lists(array)
+    return np.round(np.asarray(array, float), DECIMALS)
 
 
 def _segment_dict(segment: Segment) -> dict[str, Any]:

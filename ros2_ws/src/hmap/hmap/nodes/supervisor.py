@@ -75,6 +75,10 @@ class Job:
     ended: bool = False
     doing: str = ""  # what is executed
     replans: list[dict] = field(default_factory=list)  # how each new plan because of that was found
+    key: bytes = field(init=False)  # of the goal
+
+    def __post_init__(self) -> None:
+        self.key = bytes(self.handle.goal_id.uuid)
 
     @property
     def goal(self) -> Manipulate.Goal:
@@ -137,6 +141,7 @@ class Supervisor(ManagedNode):
         self._scene_monitor.on_change(self._controllers.news.set)
         self._turn, self._jobs = threading.Lock(), threading.Lock()
         self._job: Job | None = None
+        self._cancels: set[bytes] = set()  # keys of goals that clients asked to cancel; to ask the handles takes longer
         self._operator = OperatorControls(self, self._has_goal, self._paced)
         self._controllers.locked = self._operator.dry_run
         self._server = ActionServer(
@@ -171,7 +176,8 @@ class Supervisor(ManagedNode):
         with self._jobs:
             return self._job is not None and not self._job.ended
 
-    def _cancel(self, _) -> CancelResponse:
+    def _cancel(self, handle: ServerGoalHandle) -> CancelResponse:
+        self._cancels.add(bytes(handle.goal_id.uuid))
         self._controllers.news.set()  # who waits looks again
         return CancelResponse.ACCEPT
 
@@ -206,6 +212,7 @@ class Supervisor(ManagedNode):
             self.report_error("manipulate", error)
             canceled = isinstance(error, HmapError) and error.code is Code.CANCELED and handle.is_cancel_requested
             handle.canceled() if canceled else handle.abort()
+        self._cancels.discard(job.key)
         return job.result
 
     def _error_of(self, job: Job) -> Exception | None:
@@ -222,7 +229,7 @@ class Supervisor(ManagedNode):
             raise InputError(SECOND)
         limit = time_limit(job.goal, self._time_limit)
         scene = self._goal_scene(job)
-        state = self._scene_monitor.settled(self._state_patience, lambda: self._canceled(job))
+        state = self._scene_monitor.settled(self._state_patience, lambda: self._canceled(job), stood_before=True)
         changed = self._scene_monitor.changed()
         scene = replace(self._scene_monitor.scene() or scene, goal=scene.goal)
         plan = self._plan(job, ReplanRequest(scene, state, 1, changed=changed), limit)
@@ -260,7 +267,8 @@ class Supervisor(ManagedNode):
 
     def _canceled(self, job: Job) -> bool:
         stopped = self._operator.stops > job.stops or not self.active
-        return stopped or job.handle.is_cancel_requested or job.replaced.is_set() or self.stopping.is_set()
+        canceled = job.key in self._cancels and job.handle.is_cancel_requested
+        return stopped or canceled or job.replaced.is_set() or self.stopping.is_set()
 
     # the goal
 

@@ -15,10 +15,11 @@ from visualization_msgs.msg import MarkerArray
 
 from hmap.naming import Naming
 from hmap.node import LATCHED, HmapNode
+from hmap.supervision.latched import LatchedOnDemand
 from hmap.supervision.markers import markers_of
 from hmap_core.types import Plan
 from hmap_msgs.msg import Plan as PlanMessage
-from hmap_msgs_py.poses import pose_to_message
+from hmap_msgs_py.poses import poses_to_messages
 
 MOST_POINTS = 200  # of a trajectory for other programs; the plan itself has all
 SEARCH_PERIOD = 0.5  # s between two states of a search that goes on
@@ -37,18 +38,18 @@ class PlanTopics:
     def __init__(self, node: HmapNode, naming: Naming, frame: str):
         self._node, self._naming, self._frame = node, naming, frame
         self._plan = node.create_publisher(PlanMessage, "plan", LATCHED)
-        self._markers = node.create_publisher(MarkerArray, "markers", LATCHED)
-        self._trajectory = node.create_publisher(JointTrajectory, "planned_trajectory", LATCHED)
-        self._path = node.create_publisher(Path, "planned_path", LATCHED)
+        self._markers = LatchedOnDemand(node, MarkerArray, "markers")
+        self._trajectory = LatchedOnDemand(node, JointTrajectory, "planned_trajectory")
+        self._path = LatchedOnDemand(node, Path, "planned_path")
         self._search = node.create_publisher(String, "search_tree", LATCHED)
         self._searched = 0.0  # when the search was told last, s of the steady clock
 
     def publish(self, plan: Plan, message: PlanMessage, stamp: Time) -> None:
         """Publish a new plan; ``message`` is the plan as a message."""
         self._plan.publish(message)
-        self._markers.publish(markers_of(plan, stamp, self._frame))
-        self._trajectory.publish(trajectory_of(plan, self._naming, stamp, self._frame))
-        self._path.publish(path_of(plan, stamp, self._frame))
+        self._markers.publish(lambda: markers_of(plan, stamp, self._frame))
+        self._trajectory.publish(lambda: trajectory_of(plan, self._naming, stamp, self._frame))
+        self._path.publish(lambda: path_of(plan, stamp, self._frame))
         if "search" in plan.stats:
             self.search_ended(plan.stats["search"])
 
@@ -90,8 +91,13 @@ def path_of(plan: Plan, stamp: Time, frame: str) -> Path:
     """The path of the goal's object, at MOST_POINTS of its samples at most."""
     header = Header(stamp=stamp, frame_id=frame)
     poses = plan.trajectory.objects.get(plan.scene.goal.object, np.zeros((0, 7)))
-    chosen = [poses[k] for k in _samples(plan)] if len(poses) else []
-    return Path(header=header, poses=[PoseStamped(header=header, pose=pose_to_message(T)) for T in chosen])
+    chosen = poses_to_messages(poses[_samples(plan)]) if len(poses) else []
+    message = Path(header=header)
+    for pose in chosen:
+        stamped = PoseStamped(header=header)
+        stamped.pose = pose
+        message.poses.append(stamped)
+    return message
 
 
 def _samples(plan: Plan) -> list[int]:

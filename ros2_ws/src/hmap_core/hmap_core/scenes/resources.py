@@ -1,5 +1,6 @@
 """Locations of scene data: the packages ``hmap_scenes`` and ``pybullet_data``, and paths relative to a file."""
 
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -17,10 +18,17 @@ def package_path(package: str) -> Path:
     Raises:
         InputError: the package is not installed.
     """
-    spec = find_spec(package)
-    if spec is None or not spec.submodule_search_locations:
+    folder = _package_folder(package)
+    if folder is None:
         raise InputError(f"the Python package {package!r}, which holds scene data, is not installed")
-    return Path(next(iter(spec.submodule_search_locations)))
+    return folder
+
+
+@cache
+def _package_folder(package: str) -> Path | None:
+    """Folder of a package, which is searched for once; None if it is not installed."""
+    spec = find_spec(package)
+    return None if spec is None or not spec.submodule_search_locations else Path(spec.submodule_search_locations[0])
 
 
 def resolve(uri: str, base: Path) -> Path:
@@ -52,6 +60,7 @@ def resolve(uri: str, base: Path) -> Path:
 def portable(path: Path) -> str:
     """URI of a file that is valid on other machines if the file is part of a known package; else its path."""
     for scheme in SCHEMES:
-        if find_spec(scheme) is not None and path.is_relative_to(package_path(scheme)):
-            return f"{scheme}://{path.relative_to(package_path(scheme)).as_posix()}"
+        folder = _package_folder(scheme)
+        if folder is not None and path.is_relative_to(folder):
+            return f"{scheme}://{path.relative_to(folder).as_posix()}"
     return str(path)

@@ -88,6 +88,9 @@ def _opening_within_limits(robot: Robot, opening: float) -> tuple[float, tuple[s
         return opening, ()
     if not isinstance(opening, int | float | np.number):
         raise InputError(f"opening of the gripper of '{robot.name}' is {opening!r}; needed: a number of metres")
+    ends = _openings(gripper)
+    if min(ends) <= opening <= max(ends):
+        return opening, ()
     low, high = _opening_range(robot.model, gripper)
     kept = float(np.clip(opening, low, high))
     if kept == opening:
@@ -102,7 +105,7 @@ def _opening_within_limits(robot: Robot, opening: float) -> tuple[float, tuple[s
 
 def _opening_range(model: RobotModel, gripper: Gripper) -> tuple[float, float]:
     """Least and largest opening (m) of the robot file, or of the URDF's joints where these allow more."""
-    ends = [gripper.min_opening, gripper.open_opening, *gripper.openings[:1], *gripper.openings[-1:]]
+    ends = _openings(gripper)
     if not gripper.openings:
         tree = load_urdf(model.urdf).tree
         joints = [tree.by_name[name] for name in gripper.joint_names]
@@ -111,6 +114,11 @@ def _opening_range(model: RobotModel, gripper: Gripper) -> tuple[float, float]:
         low, high = openings.min(axis=0).max(), openings.max(axis=0).min()
         ends += [low, high] if np.isfinite([low, high]).all() and low < high else []
     return float(min(ends)), float(max(ends))
+
+
+def _openings(gripper: Gripper) -> list[float]:
+    """Openings (m) that the robot file names."""
+    return [gripper.min_opening, gripper.open_opening, *gripper.openings[:1], *gripper.openings[-1:]]
 
 
 def _note(what: str, value: float, kept: float) -> str:
