@@ -99,6 +99,7 @@ class RosContactFinder:
             robots=list(query.robots),
             object_poses=poses_to_messages(query.object_poses),
             count=int(query.count),
+            min_reach=query.min_reach,
         )
         if query.cloud is not None:
             request.cloud = cloud_to_message(query.object, query.state.poses[query.object], query.cloud)

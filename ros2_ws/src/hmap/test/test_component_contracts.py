@@ -139,6 +139,14 @@ def test_out_of_reach_there_is_no_contact(finder, scene, poses):
     assert error.value.code == Code.NO_CONTACT
 
 
+def test_contacts_that_serve_for_too_few_poses_are_not_looked_for(finder, scene, poses):
+    whole = replace(search_query(scene, poses), min_reach=len(poses) - 1)
+    assert {contact.reach for contact in finder.find_contacts(whole)} == {len(poses) - 1}
+    with pytest.raises(ContactError) as error:
+        finder.find_contacts(replace(whole, min_reach=len(poses)))
+    assert error.value.code == Code.NO_CONTACT
+
+
 @pytest.fixture(scope="module")
 def proposals(scene, poses):
     query = ContactQuery(scene, scene.start_state(), "brick", poses, "arm", np.random.default_rng(0))

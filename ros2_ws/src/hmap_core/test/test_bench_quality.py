@@ -1,11 +1,12 @@
 """What ``hmap bench quality`` measures, on plans with known motions, and the command."""
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 
+from hmap_core import plan_file
 from hmap_core.benchmark.quality import medians, quality
 from hmap_core.cli import main
 from hmap_core.planner import plan
@@ -85,3 +86,13 @@ def test_the_command_writes_what_it_measures(tmp_path, capsys):
     expected = quality(plan(load_scene("bolt", 1), seed=1))
     assert document["bolt"]["1"]["duration"] == expected.duration
     assert "bolt" in capsys.readouterr().out
+
+
+def test_the_command_measures_plan_files(tmp_path, capsys):
+    made, file = tmp_path / "made.json", tmp_path / "quality.json"
+    plan_file.save(plan(load_scene("bolt", 1), seed=1), made)
+    command = ["bench", "quality", "--plans", str(made), "--json", str(file)]
+    assert main(command) == 0
+    assert json.loads(file.read_text()) == {"bolt": {str(made): asdict(quality(plan_file.load(made)))}}
+    assert main(["bench", "quality", "--plans", str(tmp_path / "none.json")]) != 0
+    assert "none.json" in capsys.readouterr().err

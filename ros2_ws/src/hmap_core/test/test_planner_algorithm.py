@@ -74,7 +74,7 @@ class Script:
         reach = min(self.reach, len(query.object_poses) - 1)
         return [RobotContact("arm", contact, reach, np.zeros((reach + 1, 7)))] * min(self.contacts, query.count)
 
-    def find(self, scene, state, object, T_goal, robot, count, seed):
+    def find(self, scene, state, object, T_goal, robot, count, seed, to_the_end=True):
         return self.hands
 
     def check(self, query, contacts, beyond=-1):

@@ -13,7 +13,10 @@ from hmap_core.planner import ContactSearchQuery, ObjectPathQuery, local_compone
 from hmap_core.planner.attached_path import attached_paths, with_hand
 from hmap_core.planner.conflicts import object_clearances
 from hmap_core.planner.contact_filters import AttachedPathContact, NoToolGrasps
+from hmap_core.planner.end_contacts import EndContacts
 from hmap_core.planner.interfaces import AttachedPath
+from hmap_core.planner.protocols import ContactProposals
+from hmap_core.planner.sampled_contacts import SampledContacts
 from hmap_core.transforms import multiply, pose
 from hmap_core.types import Body, BodyKind, ContactKind, Shape, ShapeKind
 from hmap_core.waypoints import NoObjectPath
@@ -38,6 +41,20 @@ def scene(tmp_path_factory):
 def hands(scene):
     found = PARTS.end_contacts.find(scene, scene.start_state(), "brick", scene.goal.pose, "arm", count=3, seed=0)
     return [("arm", contact) for contact in found]
+
+
+class Late:
+    """Proposes what is sampled after an empty batch."""
+
+    def propose(self, query):
+        yield ContactProposals(())
+        yield from SampledContacts().propose(query)
+
+
+def test_what_comes_after_an_empty_batch_is_looked_at_to_the_end_only(scene):
+    ends = EndContacts(Late())
+    search = scene, scene.start_state(), "brick", scene.goal.pose, "arm", 1, 0
+    assert len(ends.find(*search)) == 1 and ends.find(*search, to_the_end=False) == []
 
 
 def paths(scene, hands, **changes):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from planner_fixtures import carry
 
+from hmap_core.exceptions import ContactError
 from hmap_core.planner.contact_finder import ProposeAndCheck
 from hmap_core.planner.interfaces import RobotContact
 from hmap_core.planner.protocols import ContactProposals, ContactQuery, ContactSearchQuery
@@ -44,11 +45,11 @@ class Given:
         ]
 
 
-def found(tmp_path, *batches: Sequence[int]) -> tuple[list[int], int]:
+def found(tmp_path, *batches: Sequence[int], min_reach: int = 0) -> tuple[list[int], int]:
     """How far the contacts serve that are found, the first one first, and how many batches were looked at."""
     scene, given = carry(tmp_path), Given(*batches)
     state = scene.start_state()
-    query = ContactSearchQuery(scene, state, "brick", POSES, ("arm",))
+    query = ContactSearchQuery(scene, state, "brick", POSES, ("arm",), min_reach=min_reach)
     return [one.reach for one in ProposeAndCheck([given], given).find_contacts(query)], given.asked
 
 
@@ -66,3 +67,10 @@ def test_an_object_is_not_let_go_just_before_its_goal(tmp_path, batches, first):
     reach, asked = found(tmp_path, *batches)
     assert reach[0] == first
     assert asked == (1 if len(batches) == 1 or batches[0] == [12] else len(batches))
+
+
+def test_contacts_that_serve_for_too_few_poses_are_passed_over(tmp_path):
+    assert found(tmp_path, [2], [12], [5], min_reach=8) == ([12], 2)
+    assert found(tmp_path, [2], [], [8], min_reach=8) == ([8], 3)
+    with pytest.raises(ContactError):
+        found(tmp_path, [2], [7], min_reach=8)

@@ -77,6 +77,7 @@ class ContactProposerNode(ManagedNode):
             int(request.count) or self._count,
             int(request.seed),
             time_limit(request, self._time_limit),
+            min_reach=int(request.min_reach),
         )
         try:
             found = ProposeAndCheck(self._proposers, checker).find_contacts(query)

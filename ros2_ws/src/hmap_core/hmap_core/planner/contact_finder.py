@@ -52,7 +52,7 @@ class ProposeAndCheck:
         searches: list[RobotSearch] = []
         robots = query.robots or tuple(query.scene.robots)
         for name in robots:
-            beyond = max((contact.reach for contact in found), default=-1)
+            beyond = max((contact.reach for contact in found), default=query.min_reach - 1)
             if beyond == len(query.object_poses) - 1:
                 break
             own = ContactQuery(
@@ -72,7 +72,7 @@ class ProposeAndCheck:
         for search in searches:
             if found or not query.thorough:
                 break
-            found += search.find(to_the_end=True)
+            found += search.find(query.min_reach - 1, to_the_end=True)
         ends_soon = _ends_soon(query.object_poses)
         waiting = list(searches)
         while found and waiting and all(ends_soon[contact.reach] for contact in found):

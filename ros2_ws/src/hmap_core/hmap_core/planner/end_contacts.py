@@ -23,7 +23,15 @@ class EndContacts:
         self._proposer, self._checker = proposer, LocalContactChecker()
 
     def find(
-        self, scene: Scene, state: SceneState, object: str, T_goal: np.ndarray, robot: str, count: int, seed: int
+        self,
+        scene: Scene,
+        state: SceneState,
+        object: str,
+        T_goal: np.ndarray,
+        robot: str,
+        count: int,
+        seed: int,
+        to_the_end: bool = True,
     ) -> list[ContactPoint]:
         """Find contacts that a robot can make at the start and release at the goal; none of them pushes.
 
@@ -36,6 +44,7 @@ class EndContacts:
             robot: name of the robot.
             count: how many contacts are wanted at most.
             seed: the only source of randomness.
+            to_the_end: whether it goes on after an empty batch.
         """
         rng = np.random.default_rng(seed)
         ends = np.array([state.poses[object], T_goal])
@@ -43,6 +52,8 @@ class EndContacts:
         release = self._checker.release(scene, state, object, ends)
         standing = ContactQuery(scene, state, object, ends[:1], robot, rng)  # an object that stands is not pushed
         for batch in self._proposer.propose(standing):
+            if not (batch or to_the_end):
+                break
             secure = secure_grasps(scene, object, robot, batch.contacts, ends[0])
             if not secure:
                 continue

@@ -174,6 +174,7 @@ class ContactSearchQuery:
         seed: the only source of randomness.
         time_limit: seconds of wall-clock time.
         thorough: whether what a proposer has after an empty batch is looked at where there is nothing else.
+        min_reach: contacts that serve for fewer poses are not looked for.
     """
 
     scene: Scene
@@ -186,6 +187,7 @@ class ContactSearchQuery:
     seed: int = 0
     time_limit: float = np.inf
     thorough: bool = True
+    min_reach: int = 0
 
 
 @runtime_checkable

@@ -167,7 +167,7 @@ class Search:
         most = J_MAX if grasp is None else TRIES_WITH_TOOL
         while tries < most:
             samplings -= 1
-            contacts = contacts or steps.find_contacts(task, manipulator, most - tries)
+            contacts = contacts or steps.find_contacts(task, manipulator, most - tries, min_reach)
             contacts = [contact for contact in contacts if contact.reach >= min_reach]
             if not contacts and samplings > 0:
                 continue

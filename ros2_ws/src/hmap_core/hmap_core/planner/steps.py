@@ -54,8 +54,8 @@ class Manipulator:
         return replace(self, robots=tuple(sorted(self.robots, key=failed.__contains__)))
 
 
-def find_contacts(task: WaypointTask, manipulator: Manipulator, count: int) -> list[RobotContact]:
-    """Find at most ``count`` feasible contacts on the object of a waypoint; none where there are none."""
+def find_contacts(task: WaypointTask, manipulator: Manipulator, count: int, min_reach: int = 0) -> list[RobotContact]:
+    """Find at most ``count`` feasible contacts that serve for ``min_reach`` poses at a waypoint, or none."""
     context, object = task.context, task.object
     if _given_up(task):
         return []
@@ -66,7 +66,7 @@ def find_contacts(task: WaypointTask, manipulator: Manipulator, count: int) -> l
         manipulator.scene, manipulator.state, object, task.ahead, manipulator.robots, count, cloud
     )
     known = _situation(manipulator, object)
-    query = replace(query, thorough=known not in context.record.nothing_fits)
+    query = replace(query, thorough=known not in context.record.nothing_fits, min_reach=min_reach)
     context.record.contact_searches += 1
     with context.record.tree.attempt(f"contacts on {who}") as node:
         try:

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from hmap_core.planner.attached_path import attached_paths
+from hmap_core.planner.contact_filters import NoneServes
 from hmap_core.planner.context import SearchContext
 from hmap_core.planner.goals import goal_of_round, path_scene
 from hmap_core.planner.interfaces import AttachedPath
@@ -57,9 +58,11 @@ class AttachedPathStrategy:
         goal, scene = goal_of_round(context, task, state), without(path_scene(context.scene, task), load)
         context.report("waypoints", text=f"path of '{object}' with a hand attached {task.subgoal.reason}")
         bare = without(scene, scene.removable)  # of the load, too
+        # an obstacle that hands can take, but not bring there, has other places
+        thorough = task.subgoal.depth == 0 or not isinstance(context.record.error, NoneServes)
         for robot in nearest_first(scene, object, state, tuple(scene.robots)):
             contacts = context.components.end_contacts.find(
-                bare, state, object, goal.pose, robot, HANDS_TRIED, context.seed()
+                bare, state, object, goal.pose, robot, HANDS_TRIED, context.seed(), thorough
             )
             hands = [(robot, contact) for contact in contacts]
             task.hands += [EndGrasp(robot, contact, goal.pose) for contact in contacts]
