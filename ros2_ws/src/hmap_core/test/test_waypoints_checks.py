@@ -95,14 +95,32 @@ def test_the_trees_alone_are_repeatable_and_right(problem, planar, walls):
         assert worst_distance(problem.body, path, walls, step=4e-3, radius=0.15) > DEFAULT_MIN_DISTANCE - SLACK
 
 
-def test_what_is_touched_at_the_goal_is_not_brushed_on_the_way_there():
-    """A book goes round the front of the board on which it will stand; from its old place it slides out, as it did."""
+def book_on_boards() -> ObjectChecker:
+    """A book goes from one board to the one above it."""
     boards = [box(f"board{k}", (0.4, 0.3, 0.02), (0, 0, 0.3 * k)) for k in range(2)]
     book = box("book", (0.06, 0.2, 0.2), (0, 0, 0), kind=BodyKind.MOVABLE)
     start, goal = pose((0, 0, 0.11)), pose((0, 0, 0.41))
-    checker = checker_of(
-        ObjectPathProblem(book, start, goal, tuple(boards), motion="spatial", min_distance=0.01), False
-    )
+    problem = ObjectPathProblem(book, start, goal, tuple(boards), motion="spatial", min_distance=0.01)
+    return checker_of(problem, False)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_shortcuts_do_not_brush_what_is_touched_at_the_goal(seed):
+    """Round the front of a board there is room; the book comes to it from above."""
+    checker = book_on_boards()
+    upper = checker.owners.index("board1")
+    way = [(0, 0, 0.11), (0, 0.4, 0.11), (0.1, 0.4, 0.25), (0, 0.4, 0.46), (0, 0.25, 0.44), (0, 0, 0.41)]
+    path = smooth(checker, np.array([pose(at) for at in way]), np.random.default_rng(seed))
+    assert 3 < len(path) <= len(way)
+    poses = np.concatenate([interpolate(a, b, np.linspace(0, 1, 60)) for a, b in zip(path, path[1:], strict=False)])
+    before = poses[: np.flatnonzero(poses[:, 2] < 0.4)[-1] + 1]  # it has not come over the board
+    assert min(checker.distances(T)[upper] for T in before) >= 0.01 - SLACK
+
+
+def test_what_is_touched_at_the_goal_is_not_brushed_on_the_way_there():
+    """A book goes round the front of the board on which it will stand; from its old place it slides out, as it did."""
+    checker = book_on_boards()
+    start, goal = pose((0, 0, 0.11)), pose((0, 0, 0.41))
     out, over = pose((0, 0.29, 0.11)), pose((0, 0.3, 0.41))
     brushing = pose((0, 0.2511, 0.25))  # 1 mm in front of the upper board
     path = relax(checker, np.array([start, out, brushing, over, goal]))

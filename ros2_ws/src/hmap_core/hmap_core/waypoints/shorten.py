@@ -14,6 +14,8 @@ MIN_SAVING = 1e-3
 RELAX_STEPS = (0.02, 0.01, 0.005)
 # desired distance beyond the minimum distance, m
 EXTRA_CLEARANCE = 0.01
+# the last part of a motion to a shape, and the first one away from it, in which it may be near, m
+LANDING = 0.03
 # a contact persists while the distance changes by at most this, m
 STILL_TOUCHED = 1e-3
 # largest additional path length at a corner for the extra clearance, m
@@ -47,10 +49,13 @@ def drop_corners(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
     cost = np.full(n, np.inf)
     previous = np.zeros(n, int)
     cost[0] = 0.0
+    near = _passed(checker, path)
     for j in range(1, n):
         for i in range(j):
             through = cost[i] + length(path[i], path[j], radius) + NODE_COST
-            if through < cost[j] - 1e-12 and (i == j - 1 or checker.motion_free(path[i], path[j])):
+            if through >= cost[j] - 1e-12:
+                continue
+            if i == j - 1 or _replaces(checker, path[i], path[j], near[2 * i + 1 : 2 * j]):
                 cost[j], previous[j] = through, i
     order = [n - 1]
     while order[-1] > 0:
@@ -61,6 +66,7 @@ def drop_corners(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
 def shortcut(checker: ObjectChecker, path: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Random shortcuts between points of the path (Geraerts & Overmars, IJRR 2007)."""
     radius = checker.radius
+    near = _passed(checker, path)
     for _ in range(SHORTCUTS):
         if checker.late:
             break
@@ -72,12 +78,45 @@ def shortcut(checker: ObjectChecker, path: np.ndarray, rng: np.random.Generator)
             continue
         a = between(path[i], path[i + 1], np.array([(s - ends[i]) / parts[i]]))[0]
         b = between(path[j], path[j + 1], np.array([(t - ends[j]) / parts[j]]))[0]
-        if (t - s) - length(a, b, radius) > MIN_SAVING and checker.motion_free(a, b):
+        if (t - s) - length(a, b, radius) > MIN_SAVING and _replaces(checker, a, b, near[2 * i + 2 : 2 * j + 1]):
             candidate = np.concatenate([path[: i + 1], [a, b], path[j + 1 :]])
             # parts of checked motions are free only up to rounding, so they are checked again
             if checker.motion_free(path[i], a) and checker.motion_free(b, path[j + 1]):
                 path = candidate
+                near = _passed(checker, path)
     return path
+
+
+def _passed(checker: ObjectChecker, path: np.ndarray) -> np.ndarray:
+    """Which shapes are nearer than the minimum distance, (2 n - 1, SB): at the n corners, and between each two.
+
+    Only shapes count that the body touches at the path's start or goal; it keeps the distance to the others.
+    """
+    if not checker.contact.any():
+        return np.zeros((2 * len(path) - 1, len(checker.contact)), bool)
+    middles = [between(a, b, np.array([0.5]))[0] for a, b in zip(path[:-1], path[1:], strict=True)]
+    poses = np.empty((2 * len(path) - 1, 7))
+    poses[::2], poses[1::2] = path, np.reshape(middles, (-1, 7))
+    return checker.contact & (np.array([checker.distances(T) for T in poses]) < checker.min_distance)
+
+
+def _replaces(checker: ObjectChecker, T0: np.ndarray, T1: np.ndarray, passed: np.ndarray) -> bool:
+    """Whether the motion from T0 to T1 is free, with as much room as what it replaces.
+
+    The minimum distance to a shape that the body touches at start or goal may be used up in a LANDING at an end that is
+    near it, and where ``passed`` (k, SB) says that it is used up on the way there is.
+    """
+    if not checker.motion_free(T0, T1):
+        return False
+    near = ~checker.contact | passed.any(axis=0)
+    if near.all():
+        return True
+    ends = [bool(((checker.distances(T) < checker.min_distance) & ~near).any()) for T in (T0, T1)]
+    share = LANDING / max(length(T0, T1, checker.radius), 1e-12)
+    if share * sum(ends) >= 1.0:
+        return True
+    first, last = between(T0, T1, np.array([share * ends[0], 1.0 - share * ends[1]]))
+    return checker.motion_free(first, last, 0.0, near)
 
 
 def _motions_free(checker: ObjectChecker, corners: np.ndarray, extra: float, near: list[np.ndarray | None]) -> bool:
