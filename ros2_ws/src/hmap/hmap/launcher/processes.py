@@ -172,8 +172,10 @@ class Graph:
         Raises:
             ExecutionError: NODE_LOST; a node has died and is not restarted.
         """
-        if self._failure:
-            raise ExecutionError(self._failure, Code.NODE_LOST)
+        with self._lock:
+            failure = self._failure
+        if failure:
+            raise ExecutionError(failure, Code.NODE_LOST)
 
     def news(self) -> list[str]:
         """What has happened to nodes without ending the run, each told once."""
