@@ -77,6 +77,7 @@ def run_with(case, when: str, place):
             threading.Thread(target=case.session.add_body, args=(placed[0], ANSWER_LIMIT)).start()
 
     result = case.manipulate(on_feedback)
+    assert placed, (phases, result.error)
     (body,) = placed
     case.session.remove_body(body.name, ANSWER_LIMIT)
     assert result.success, result.error

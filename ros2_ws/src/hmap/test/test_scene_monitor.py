@@ -89,42 +89,6 @@ def test_settled_waits_for_a_state_of_after_now_in_which_nothing_moves(scene):
     thread.join()
 
 
-def told_before(tell, places: list[float]) -> None:
-    """Tell where the object was every 0.1 s up to 2 s."""
-    for k, place in enumerate(places, start=1):
-        tell(2.0 - 0.1 * (len(places) - k), place)
-
-
-@pytest.mark.parametrize(
-    ("places", "waits"),
-    [
-        ([0.0] * 7, False),
-        ([0.0] * 3, True),  # not known for long enough
-        ([0.01] + [0.0] * 6, False),  # it stands since
-        ([0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.0], True),
-    ],
-)
-def test_what_has_stood_before_needs_no_second_look(scene, places, waits):
-    scene_monitor, tell = monitor_at(scene, 2.0)
-    told_before(tell, places)
-    thread = tell_later(scene_monitor, tell, [(2.05, 0.0)])
-    if waits:
-        with pytest.raises(InputError, match="no fresh world state"):
-            scene_monitor.settled(1.0, stood_before=True)
-    else:
-        assert x(scene, scene_monitor.settled(PATIENCE, stood_before=True)) == pytest.approx(0.0)
-    thread.join()
-
-
-def test_what_was_let_go_a_moment_ago_gets_a_second_look(scene):
-    scene_monitor, tell = monitor_at(scene, 2.0)
-    told_before(tell, [0.0] * 7)
-    thread = tell_later(scene_monitor, tell, [(2.05, 0.0)])
-    with pytest.raises(InputError, match="no fresh world state"):
-        scene_monitor.settled(1.0)
-    thread.join()
-
-
 def test_settled_does_not_make_do_with_what_it_knows(scene):
     scene_monitor, tell = monitor_at(scene, 2.0)
     tell(1.9, 0.0)

@@ -45,7 +45,7 @@ def supervisor_with(plan, alive: int = 0, dry_run: bool = False):
         _time_limit=10.0,
         _state_patience=1.0,
         _goal_scene=lambda job: scene,
-        _scene_monitor=SimpleNamespace(settled=lambda *_, **__: None, changed=lambda: 0.0, scene=lambda: scene),
+        _scene_monitor=SimpleNamespace(settled=lambda *_: None, changed=lambda: 0.0, scene=lambda: scene),
         _plan=lambda *_: plan,
         _operator=SimpleNamespace(dry_run=dry_run),
         _compare=lambda *_: None,

@@ -229,7 +229,7 @@ class Supervisor(ManagedNode):
             raise InputError(SECOND)
         limit = time_limit(job.goal, self._time_limit)
         scene = self._goal_scene(job)
-        state = self._scene_monitor.settled(self._state_patience, lambda: self._canceled(job), stood_before=True)
+        state = self._scene_monitor.settled(self._state_patience, lambda: self._canceled(job))
         changed = self._scene_monitor.changed()
         scene = replace(self._scene_monitor.scene() or scene, goal=scene.goal)
         plan = self._plan(job, ReplanRequest(scene, state, 1, changed=changed), limit)

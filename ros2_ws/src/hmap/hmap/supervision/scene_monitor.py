@@ -2,7 +2,6 @@
 
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -27,7 +26,6 @@ REST_PERIOD = 0.2  # s between two looks at what is coming to rest, of the senso
 REST_DISTANCE, REST_ANGLE = 5e-4, 0.01  # m, rad that a body moves in that period; less counts as at rest
 REST_JOINT = 2e-3  # rad that a joint moves in it
 REST_LOOKS = 15  # looks at most
-REST_BEFORE = 0.5  # s of the sensors' clock; what has stood for so long stands, without a second look
 AHEAD = 5.0  # s that a state may be stamped ahead of the node's clock; /clock comes late while the node is busy
 CLOCK_STANDS = 0.1  # s that a clock goes on since the last state while a simulation pauses
 CLOUDS_AHEAD = 60.0  # s, the same for clouds, which come rarely, so that each of them counts
@@ -60,7 +58,6 @@ class SceneMonitor:
         self._listeners: list[Callable[[], None]] = []
         self._clock = ReceiverClock(lambda: clock_time(node), AHEAD)
         self._states: Latest[SceneState] = Latest("the world state", self._clock)
-        self._past: deque[tuple[float, SceneState]] = deque()  # stamps (s) and states of the last REST_BEFORE
         self._arrived = -float("inf")  # when the newest state did, on the steady clock
         self._arrived_at: float | None = None  # the same, s of the node's clock
         self._cloud_clock = ReceiverClock(lambda: clock_time(node), CLOUDS_AHEAD)
@@ -179,39 +176,24 @@ class SceneMonitor:
                 )
             return found
 
-    def settled(
-        self, patience: float, canceled: Callable[[], bool] = lambda: False, stood_before: bool = False
-    ) -> SceneState:
+    def settled(self, patience: float, canceled: Callable[[], bool] = lambda: False) -> SceneState:
         """Where everything is once it stands, or after as long as one waits for that.
 
         The newest state is not enough when a motion has just ended: it may be of before the end. So the first look is
         at a state of later than now. A clock that comes in steps may still be behind, hence the look at what moves.
         Bodies that stand on something within the noise of the measurement stand exactly there.
 
-        Args:
-            patience: s, for each look.
-            canceled: ends the waiting.
-            stood_before: whether what has stood for REST_BEFORE needs no second look. It does where something was let
-                go a moment ago.
-
         Raises:
             InputError, PlannerError: as :meth:`state`, with ``patience`` and ``canceled`` for each look.
         """
         stamp, state = self.state(patience, self._node.get_clock().now().nanoseconds * 1e-9, canceled)
-        for _ in range(0 if stood_before and self._has_stood(stamp, state) else REST_LOOKS):
+        for _ in range(REST_LOOKS):
             before = state
             stamp, state = self.state(patience, stamp + REST_PERIOD, canceled)
             if _at_rest(before, state):
                 break
         scene = self.scene()
         return state if scene is None else on_supports(scene, state, self._noise)
-
-    def _has_stood(self, stamp: float, state: SceneState) -> bool:
-        """Whether nothing has moved in the REST_BEFORE before a state with a stamp (s)."""
-        with self._news:
-            past = [entry for entry in self._past if entry[0] <= stamp]
-        since = past[0][0] if past else stamp
-        return stamp - since >= REST_BEFORE and all(_at_rest(before, state) for _, before in past)
 
     def wait_for_scene(
         self, task: str, seed: int, patience: float, canceled: Callable[[], bool] = lambda: False
@@ -276,7 +258,6 @@ class SceneMonitor:
         self._scene = scene = replace(base, bodies=base.bodies | seen)
         newest = self._states.newest() if keep_state else None
         self._states.clear()
-        self._past.clear()
         if newest is not None:
             stamp, state = newest
             fixed = {n: body.pose for n, body in scene.bodies.items() if body.kind is BodyKind.FIXED}
@@ -298,17 +279,8 @@ class SceneMonitor:
             if base is self._base and self._scene is not None:
                 state.poses |= {n: body.pose for n, body in self._scene.bodies.items() if n not in base.bodies}
                 if self._states.add(stamp, state):
-                    self._remember(stamp, state)
                     self._arrived, self._arrived_at = time.monotonic(), clock_time(self._node)
                     self._news.notify_all()
-
-    def _remember(self, stamp: float, state: SceneState) -> None:
-        """Keep a state for as long as it tells what has stood."""
-        if self._past and stamp < self._past[-1][0]:  # the clock was started anew
-            self._past.clear()
-        self._past.append((stamp, state))
-        while len(self._past) > 1 and self._past[1][0] <= stamp - REST_BEFORE:
-            self._past.popleft()
 
     def _take_clouds(self, message: ObjectClouds) -> None:
         frame("the message of the objects' clouds", message.header.frame_id, ("", WORLD_FRAME))
