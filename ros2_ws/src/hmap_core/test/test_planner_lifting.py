@@ -71,6 +71,14 @@ def test_raising_leaves_the_ends_and_what_is_high_enough():
     np.testing.assert_allclose(raised(once, 3, 3), once)
 
 
+def test_a_way_that_comes_from_below_is_raised_without_a_leap():
+    heights = np.array([0.1, 0.11, 0.15, 0.17, 0.185, 0.2, 0.2, 0.2])
+    poses = np.array([pose((0.01 * k, 0.0, z)) for k, z in enumerate(heights)])
+    eased = heights + LIFT * np.array([0.0, 0.0, 0.25, 0.5, 0.75, 1.0, 1.0, 0.0])
+    np.testing.assert_allclose(raised(poses, 0, 3)[:, 2], eased)
+    np.testing.assert_allclose(raised(poses[::-1], 3, 0)[::-1, 2], eased)
+
+
 def contact_on(scene, poses):
     """A contact of the arm that would be dragged and tip; which one the sampling finds is the same every time."""
     state = scene.start_state()

@@ -107,9 +107,18 @@ def drag_tips(body: Body, contact: ContactPoint, poses: np.ndarray, pads: float 
 
 
 def raised(poses: np.ndarray, head: int, tail: int) -> np.ndarray:
-    """Poses (M, 7) of which the first ``head`` and the last ``tail`` are raised, but not the very first and last."""
+    """Poses (M, 7) of which the first ``head`` and the last ``tail`` are raised, but not the very first and last.
+
+    Where the path goes on below them, the next ones are raised, too, by less and less, so that no step is a leap.
+    """
     higher = poses.copy()
     count = len(poses)
+    for first, step, count_raised, end in ((head, 1, head, poses[0]), (count - tail - 1, -1, tail, poses[-1])):
+        for k in range(RISE if count_raised else 0):
+            i = first + step * k
+            if not (0 < i < count - 1 and poses[i, 2] < end[2]):
+                break
+            higher[i, 2] += LIFT * (RISE - k) / (RISE + 1)
     higher[1:head, 2] = np.maximum(higher[1:head, 2], poses[0, 2] + LIFT)
     higher[count - tail : count - 1, 2] = np.maximum(higher[count - tail : count - 1, 2], poses[-1, 2] + LIFT)
     higher[[0, -1]] = poses[[0, -1]]
