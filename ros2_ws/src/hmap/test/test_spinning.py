@@ -12,6 +12,7 @@ from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
+from spinning_fixtures import spun_node
 from std_msgs.msg import Empty
 
 from hmap.spinning import (
@@ -33,19 +34,10 @@ QUIET = 0.3  # s in which many calls would come
 @pytest.fixture(params=[MessageExecutor, MultiThreadedExecutor, WorkExecutor])
 def ticking(request):
     """A spinner, and an event that a timer of its node sets again and again."""
-    context, ticked = Context(), threading.Event()
-    context.init()
-    node = Node("ticking", context=context)
-    node.create_timer(PERIOD, ticked.set)
-    executor = request.param(context=context)
-    executor.add_node(node)
-    errors: list[Exception] = []
-    spinner = Spinner(executor, errors.append)
-    yield spinner, ticked
-    spinner.stop()
-    node.destroy_node()
-    context.shutdown()
-    assert not errors
+    ticked = threading.Event()
+    with spun_node(request.param) as (node, _, spinner):
+        node.create_timer(PERIOD, ticked.set)
+        yield spinner, ticked
 
 
 def ticks_again(ticked: threading.Event) -> bool:

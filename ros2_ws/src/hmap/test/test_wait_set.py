@@ -8,6 +8,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallb
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.task import Future
+from spinning_fixtures import spun_node
 from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
@@ -22,18 +23,8 @@ PERIOD = 0.01  # s between two tries
 @pytest.fixture(params=[MessageExecutor, WorkExecutor])
 def spun(request):
     """A node that an executor spins, and the executor."""
-    context = Context()
-    context.init()
-    node = Node("spun", context=context)
-    executor = request.param(context=context)
-    executor.add_node(node)
-    errors: list[Exception] = []
-    spinner = Spinner(executor, errors.append)
-    yield node, executor
-    spinner.stop()
-    node.destroy_node()
-    context.shutdown()
-    assert not errors
+    with spun_node(request.param) as (node, executor, _):
+        yield node, executor
 
 
 def comes(publisher, came: threading.Event) -> bool:
