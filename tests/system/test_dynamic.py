@@ -97,7 +97,7 @@ def in_the_way_of_the_hand(plan, now: float):
 
 
 def in_the_way_of_the_object(plan, now: float):
-    """A sphere on the path of the object, which is being carried."""
+    """A sphere on the path of the object, which is being carried or pushed."""
     poses = plan.trajectory.objects["brick"]
     k = int(np.abs(poses[:, 1]).argmin())
     body = sphere("ball_2", RADIUS, np.array([*poses[k, :2], RADIUS + 0.005]))
@@ -106,7 +106,7 @@ def in_the_way_of_the_object(plan, now: float):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("when", "place"), [("transit", in_the_way_of_the_hand), ("grasp", in_the_way_of_the_object)])
+@pytest.mark.parametrize(("when", "place"), [("transit", in_the_way_of_the_hand), ("brick", in_the_way_of_the_object)])
 def test_an_obstacle_that_appears_on_the_way_is_seen_and_gone_round(case, when, place):
     phases, result, body = run_with(case, when, place)
     assert phases.count("stopping") == 1 and "replanning" in phases
