@@ -6,11 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmap_core.exceptions import HmapError
+from hmap_core.planner.goals import unturned
 from hmap_core.planner.interfaces import ToolGrasp
 from hmap_core.planner.object_path import BidirectionalSearch
 from hmap_core.planner.obstruction import without
 from hmap_core.planner.protocols import ContactQuery, ObjectPathQuery
 from hmap_core.planner.sampled_contacts import SampledContacts
+from hmap_core.planner.strategies.pushed_paths import pushable_path
 from hmap_core.planner.tool_grasps import ToolGraspSearch
 from hmap_core.planner.tools import attach_tool, tools_of, within_reach
 from hmap_core.types import Scene
@@ -40,13 +42,19 @@ class SceneQuery:
 
 
 def object_path(scene: Scene, seed: int) -> np.ndarray | None:
-    """The path (M, 7) of the goal's object without what may be removed; None where there is none."""
+    """The path (M, 7) of the goal's object without what may be removed; None where there is none.
+
+    As the planner asks for contacts on it at first: made of pushes where no hand grips the object.
+    """
     free = without(scene, set(scene.removable)) if scene.removable else scene
-    query = ObjectPathQuery(free, free.start_state(), scene.goal, seed, PATH_TIME, PATH_CHECKS)
+    state = free.start_state()
+    goal = unturned(scene.goal, state.poses[scene.goal.object])
+    query = ObjectPathQuery(free, state, goal, seed, PATH_TIME, PATH_CHECKS)
     try:
         poses = BidirectionalSearch().plan_path(query).poses
     except HmapError:
         return None
+    poses = pushable_path(free, state, scene.goal, poses)
     return poses if len(poses) >= LEAST_POSES else None
 
 

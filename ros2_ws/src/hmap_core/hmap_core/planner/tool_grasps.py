@@ -1,7 +1,7 @@
 """Which tool a robot should pick to move an object, and where it should grasp it."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -20,6 +20,9 @@ KEPT = 8  # of them, per robot
 RANKED_FIRST = 3  # of these; the others are ranked only if the best of the first is good
 LOOKED_AT = 2  # of the best that a ranker names; one if it serves as far as expected
 CERTAIN = 0.5  # probability times share of the path, from which on no contact is generated to compare grasps
+ALIKE = (
+    0.8  # of the best expectation of a ranker, from which on what it expects of grasps tells little about which is best
+)
 FROM_ABOVE = float(np.cos(np.deg2rad(45.0)))  # cosine between the hand's approach and the vertical
 TURN_STEP = float(np.deg2rad(45.0))  # rad; travels that differ by less count alike
 SHARE_OF_BEST = 0.5  # reach, as a share of the best, from which on a tool and robot count as good
@@ -69,8 +72,12 @@ def _travel(grasp: ToolGrasp, contacts: Sequence[ContactPoint], state: SceneStat
     hands = rotation_matrix(T_object) @ rotation_matrices(np.array([contact.T_obj_ee for contact in contacts]))
     cosine = 0.5 * (np.einsum("ij,nij->n", picked, hands) - 1.0)
     turn = float(np.arccos(np.clip(cosine, -1.0, 1.0)).min())
-    swing = float(np.abs(grasp.contact.keyframes[0] - state.q[grasp.robot]).max())
-    return round((turn + swing) / TURN_STEP)
+    return round((turn + _swing(grasp, state)) / TURN_STEP)
+
+
+def _swing(grasp: ToolGrasp, state: SceneState) -> float:
+    """How far an arm turns to pick a tool, by its farthest joint, rad."""
+    return float(np.abs(grasp.contact.keyframes[0] - state.q[grasp.robot]).max())
 
 
 class ToolGraspFinder(Protocol):
@@ -149,44 +156,66 @@ class ToolGraspSearch:
                     break
             return best
 
+        rest = grasps
         if self._ranker is not None:
             every = [grasp for some in grasps for grasp in some]
-            ordered, expected, probability = self._best(scene, state, object, object_poses, every)
-            if probability < likely:
+            ordered, expected, p = self._best(scene, state, object, object_poses, every)
+            if p.max(initial=0.0) < likely:
                 return []
             if ordered and expected[0] >= CERTAIN:
                 return [(grasp, least) for grasp in ordered]
-            doubtful = probability < UNLIKELY  # then its order says little: tools may be of a kind it does not know
-            for grasp, share in zip([] if doubtful else ordered[:LOOKED_AT], expected, strict=False):
+            probable = {id(grasp) for grasp, each in zip(ordered, p, strict=True) if each >= UNLIKELY}
+            # where none is probable, the order says little: tools may be of a kind that the ranker does not know
+            for grasp, share in zip(ordered[:LOOKED_AT] if probable else [], expected, strict=False):
                 if rank([grasp]) >= share * (len(object_poses) - 1):
                     break  # as far as expected: the others are expected to serve less
+            if likely and not ranked:
+                return []  # the ranker was wrong: hands come first, as without it, before all grasps are looked at
+            if probable and not ranked:
+                self._rank_groups([[grasp for grasp in some if id(grasp) in probable] for some in grasps], rank, ranked)
             if ranked:
                 seen = {id(grasp) for grasp, _ in ranked}
                 others = [(grasp, least) for grasp in ordered if id(grasp) not in seen]
                 return [(grasp, bound.reach) for grasp, bound in sorted(ranked, key=_by_reach)] + others
-            if likely:
-                return []  # the ranker was wrong: hands come first, as without it, before all grasps are looked at
-        first = [rank(some[:RANKED_FIRST]) for some in grasps]
-        good = SHARE_OF_BEST * max(first, default=0) if ranked else -1.0
-        for some, best in zip(grasps, first, strict=True):
-            if best >= good:
-                rank(some[RANKED_FIRST:])
+            rest = [[grasp for grasp in some if id(grasp) not in probable] for some in grasps]
+        self._rank_groups(rest, rank, ranked)
         for some in [] if ranked else grasps:
             rank(some, every=True)
         return [(grasp, bound.reach) for grasp, bound in sorted(ranked, key=_by_reach)]
 
+    @staticmethod
+    def _rank_groups(
+        groups: Sequence[Sequence[ToolGrasp]], rank: Callable[[Sequence[ToolGrasp]], int], ranked: list
+    ) -> None:
+        """Look at the first grasps of each tool and robot, and at the others where the best of these is good."""
+        first = [rank(some[:RANKED_FIRST]) for some in groups]
+        good = SHARE_OF_BEST * max(first, default=0) if ranked else -1.0
+        for some, best in zip(groups, first, strict=True):
+            if best >= good:
+                rank(some[RANKED_FIRST:])
+
     def _best(
         self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, grasps: list[ToolGrasp]
-    ) -> tuple[list[ToolGrasp], np.ndarray, float]:
+    ) -> tuple[list[ToolGrasp], np.ndarray, np.ndarray]:
         """The grasps in the order of the shares (G,) of the path that the ranker expects them to serve, and these.
 
-        Last, the largest probability that one serves more than a few poses.
+        Of grasps of which about as much is expected as of the best, those from above come first, then those for which
+        the arm turns little. Last, the probabilities (G,) that they serve more than a few poses, in the same order.
         """
         if self._ranker is None or not grasps:
-            return grasps, np.zeros(len(grasps)), 0.0
+            return grasps, np.zeros(len(grasps)), np.zeros(len(grasps))
         p, share = self._ranker.hold_serves(scene, state, object, object_poses, grasps)
-        order = np.argsort(-p * share, kind="stable")
-        return [grasps[k] for k in order], (p * share)[order], float(p.max())
+        expected = p * share
+
+        def key(k: int) -> tuple[bool, bool, int, float]:
+            if expected[k] < ALIKE * expected.max():
+                return True, False, 0, -expected[k]
+            grasp = grasps[k]
+            above = _from_above(grasp.contact.contact, grasp.T_place)
+            return False, not above, round(_swing(grasp, state) / TURN_STEP), -expected[k]
+
+        order = sorted(range(len(grasps)), key=key)
+        return [grasps[k] for k in order], expected[order], p[order]
 
     def holds(self, scene: Scene, state: SceneState, tool: str, robot: str, rng) -> list[RobotContact]:
         """Grasps in which a robot can pick a tool where it stands, far from each other."""

@@ -5,25 +5,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hmap_core.contacts.few_pushes import two_pushes
 from hmap_core.contacts.grip_width import grip_problem
-from hmap_core.contacts.grippable import grippable
-from hmap_core.contacts.hand import hand_of
 from hmap_core.exceptions import Code
 from hmap_core.planner.contact_filters import NoneServes
 from hmap_core.planner.context import SearchContext
-from hmap_core.planner.goals import GOAL_SHARE, goal_of_round, path_scene, slides_only
+from hmap_core.planner.goals import goal_of_round, path_scene, slides_only
 from hmap_core.planner.immovable import first_immovable
 from hmap_core.planner.obstacle_removal import StuckError
 from hmap_core.planner.obstruction import without
 from hmap_core.planner.outcome import Failure, Outcome, Solution
 from hmap_core.planner.protocols import ObjectPathQuery
 from hmap_core.planner.sampled_contacts import first_direction
-from hmap_core.planner.strategies.pushed_paths import push_planner
+from hmap_core.planner.strategies.pushed_paths import pushable_path
 from hmap_core.planner.strategies.remove_obstacles import clear_path, removable_load, why_stuck
 from hmap_core.planner.tasks import PathTask
 from hmap_core.planner.tools import tools_of, with_tool_placed
-from hmap_core.types import Goal, Scene, SceneState, TaskMode
+from hmap_core.types import Goal, Scene, SceneState
 from hmap_core.waypoints import NoObjectPath, ObjectPath
 
 if TYPE_CHECKING:
@@ -31,7 +28,6 @@ if TYPE_CHECKING:
 
 PATHS_AT_FIRST = 3  # object paths in the first round, as long as they lead to no contact at all
 STUCK_ROUND = 1  # round after which it is looked whether the obstacles on the path can be moved at all
-FEW = 2  # pushes; where a path needs more, one to another orientation of the object is looked for
 TASK_CHECKS = 500_000  # motions checked for one path of the task's object, some 5 s
 OBSTACLE_CHECKS = 100_000  # motions checked for the path of an obstacle to one of several places
 
@@ -153,7 +149,10 @@ def _plan(context: SearchContext, task: PathTask) -> tuple[np.ndarray, tuple[str
     checks = TASK_CHECKS if task.subgoal.depth == 0 else OBSTACLE_CHECKS
     try:
         poses = _object_path(context, scene, state, goal, checks).poses
-        return _pushable(context.within(scene) if load else context, state, task, poses), load
+        if task.number % 2:
+            return poses, load  # every second round as it is
+        rng = context.rng if task.number else None
+        return pushable_path(scene if load else context.scene, state, task.subgoal.goal, poses, rng), load
     except NoObjectPath as error:
         if not error.free_without:
             raise
@@ -170,18 +169,3 @@ def _object_path(context: SearchContext, scene: Scene, state: SceneState, goal: 
     except NoObjectPath:
         context.time_left()  # raises: a search without time left says nothing about the path
         raise
-
-
-def _pushable(context: SearchContext, state: SceneState, task: PathTask, poses: np.ndarray) -> np.ndarray:
-    """A path made of pushes if no hand can grip the object; every second round the path as it is."""
-    scene, body = context.scene, context.scene.bodies[task.object]
-    hands = [hand_of(robot) for robot in scene.robots.values()]
-    if scene.mode == TaskMode.KINEMATIC or task.number % 2 or grippable(body, poses[0], hands):
-        return poses
-    pushes = push_planner(scene, state, task.object, poses)
-    pushed = pushes.path(poses, context.rng if task.number else None)
-    if pushed is not None and pushes.legs > FEW and not task.number:
-        goal = task.subgoal.goal
-        fewer = two_pushes(pushes, poses, goal.pose, GOAL_SHARE * goal.rotation_tolerance)
-        pushed = pushed if fewer is None else fewer
-    return poses if pushed is None else pushed
