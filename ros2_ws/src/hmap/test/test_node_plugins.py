@@ -9,6 +9,7 @@ import rclpy
 from hmap.conversions import scene_to_message, state_to_message
 from hmap.node import BAD_INPUT, run
 from hmap.nodes.contact_proposer import ContactProposerNode
+from hmap.nodes.supervisor import Supervisor
 from hmap.nodes.waypoint_planner import WaypointPlanner
 from hmap_core.scenes import load_scene
 from hmap_msgs.srv import PlanWaypoints, ProposeContacts
@@ -108,3 +109,8 @@ def test_a_name_that_is_unknown_ends_the_node_with_its_reason(capfd):
     code = run(ContactProposerNode, ["--ros-args", "-p", "proposer:=learnt"])
     assert code == BAD_INPUT
     assert "unknown contact proposer 'learnt'; there are" in capfd.readouterr().err
+
+
+def test_the_supervisor_has_one_parameter_for_the_contact_proposer(capfd):
+    assert run(Supervisor, ["--ros-args", "-p", "planner:=hmap:learned"]) == BAD_INPUT
+    assert "'planner' is 'hmap:learned'; name the proposer by 'proposer' instead" in capfd.readouterr().err

@@ -1,6 +1,9 @@
 """``hmap bench tasks``: trials that crash or hang lose nothing, the numbers, the files, and a real task."""
 
 import json
+import os
+import select
+import subprocess
 import sys
 
 import numpy as np
@@ -30,6 +33,15 @@ for line in sys.stdin:
     print(json.dumps(result), flush=True)
 """
 COMMAND = (sys.executable, "-c", STAND_IN)
+PARENT = """
+import signal, subprocess, sys
+worker = "from hmap_core.evaluation.worker import end_with_parent; end_with_parent()"
+code = worker + "; import signal; print(flush=True); signal.pause()"
+child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
+child.stdout.readline()
+print(child.pid, flush=True)
+signal.pause()
+"""
 KEYS = {"seed", "valid", "solved", "planning_s", "replans", "reason"}
 
 
@@ -48,6 +60,15 @@ def test_a_worker_does_one_trial_after_another_in_one_process(worker):
     first, second = worker.run(trial(4), 20.0), worker.run(trial(5), 20.0)
     assert (first.seed, second.seed) == (4, 5) and first.solved
     assert first.cpu_s == second.cpu_s  # the stand-in tells its process there
+
+
+def test_a_worker_ends_with_the_process_that_started_it_in_the_middle_of_a_trial():
+    with subprocess.Popen([sys.executable, "-c", PARENT], stdout=subprocess.PIPE) as parent:
+        child = os.pidfd_open(int(parent.stdout.readline()))
+        assert not select.select([child], [], [], 0.0)[0]
+        parent.kill()
+    assert select.select([child], [], [], 20.0)[0]
+    os.close(child)
 
 
 def test_a_crash_is_the_reason_of_its_trial_only(worker):

@@ -17,6 +17,7 @@ from hmap_core.planner import HmapPlanner, plugins
 from hmap_core.planner.object_path import BidirectionalSearch
 from hmap_core.planner.protocols import ContactProposer, ManipulationPlanner, ObjectPathPlanner
 from hmap_core.planner.sampled_contacts import SampledContacts
+from hmap_core.scenes import load_scene
 from hmap_core.validation import check
 
 TIME_LIMIT = 120.0  # s; a busy machine is slow
@@ -100,6 +101,18 @@ def test_each_part_takes_less_than_forty_lines():
 def test_options_of_hmap_are_refused_for_other_methods(foreign, tmp_path):
     with pytest.raises(InputError, match="the planner 'twice' has no option proposer"):
         planner.plan(carry(tmp_path), planner="twice", proposer="sampled")
+
+
+def test_h_map_takes_a_contact_proposer_after_a_colon(tmp_path):
+    plans = [
+        planner.plan(load_scene("tunnel_tool", 1), seed=1, **options)
+        for options in ({"planner": "hmap:learned"}, {"proposer": "learned"})
+    ]
+    assert plans[0].stats["learned_contacts"] == plans[1].stats["learned_contacts"] > 0
+    with pytest.raises(InputError, match="unknown contact proposer 'guessed'"):
+        planner.plan(carry(tmp_path), planner="hmap:guessed")
+    with pytest.raises(InputError, match="'hmap:learned' names a contact proposer, so it has no further parts"):
+        planner.plan(carry(tmp_path), planner="hmap:learned", transit="ompl")
 
 
 def test_a_proposer_is_used_first_and_success_does_not_fall(foreign, tmp_path):

@@ -109,6 +109,8 @@ class Supervisor(ManagedNode):
             "time_limit", 120.0, "s for planning, of a goal that names none", 0.1, 86400.0
         )
         self._planner = self.parameter("planner", plugins.DEFAULT_PLANNER, "the method; see `hmap plugins`")
+        if self._planner.startswith(f"{plugins.DEFAULT_PLANNER}:"):
+            raise InputError(f"the parameter 'planner' is '{self._planner}'; name the proposer by 'proposer' instead")
         text = "orders robots, tools and their holds, if it can; see `hmap plugins`"
         self._proposer = plugins.create(plugins.CONTACT_PROPOSERS, self.parameter("proposer", "sampled", text))
         self._patience = self.parameter(

@@ -47,8 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.seeds)
     wanted = [
         Trial(task, seed, arguments.time_limit, arguments.replans, engine=PYBULLET, planner=planner)
+        for seed in seeds  # one after the other, so that an interrupted table has all cells of the first seeds
         for task in tasks
-        for seed in seeds
         for planner in planners
     ]
     jobs = arguments.jobs or -1

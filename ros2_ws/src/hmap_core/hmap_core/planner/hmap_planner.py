@@ -11,7 +11,7 @@ from hmap_core.contacts.camera import Cloud
 from hmap_core.deadline import DEFAULT_TIME_LIMIT, check_time
 from hmap_core.exceptions import Code, HmapError
 from hmap_core.plan_file import to_dict
-from hmap_core.planner import preconditions
+from hmap_core.planner import plugins, preconditions
 from hmap_core.planner.assembly import assemble, scene_at
 from hmap_core.planner.attainable_goal import attainable_goal
 from hmap_core.planner.components import PlannerComponents, local_components
@@ -70,6 +70,20 @@ class HmapPlanner:
         except HmapError as error:
             error.search = job.context.record.tree.root.to_dict()
             raise
+
+
+def hmap_planner(proposer: str = "") -> HmapPlanner:
+    """H-MaP by its name among the planners, ``hmap`` or ``hmap:PROPOSER``: a row of its own in a table of methods.
+
+    Args:
+        proposer: name of a contact proposer, which may have an argument of its own; empty: contacts are only sampled.
+
+    Raises:
+        InputError: the name is unknown, or the proposer cannot be loaded.
+    """
+    if not proposer:
+        return HmapPlanner()
+    return HmapPlanner(local_components(proposer=plugins.create(plugins.CONTACT_PROPOSERS, proposer)))
 
 
 class PlanningJob:

@@ -91,6 +91,8 @@ def create_planner(
         if unfit:
             raise InputError(f"the planner {planner!r} has no option {', '.join(unfit)}; only 'hmap' has")
         return method
+    if isinstance(planner, str) and ":" in planner and any(part is not None for part in given.values()):
+        raise InputError(f"the planner {planner!r} names a contact proposer, so it has no further parts; give 'hmap'")
     if components is None and not object_path is proposer is transit is None:
         components = local_components(
             plugins.resolve(plugins.OBJECT_PATH_PLANNERS, object_path),

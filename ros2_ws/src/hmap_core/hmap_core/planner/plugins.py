@@ -41,7 +41,7 @@ _BUILT_IN = {
         "ompl": "hmap_core.planner.ompl_transit:OmplTransit",
     },
     PLANNERS: {
-        "hmap": "hmap_core.planner.hmap_planner:HmapPlanner",
+        "hmap": "hmap_core.planner.hmap_planner:hmap_planner",
         "birrt": "hmap_core.baselines.birrt:BirrtPlanner",
         "komo": "hmap_core.baselines.komo.planner:Komo",
         "lgp_star": "hmap_core.baselines.lgp_star.planner:LgpStar",

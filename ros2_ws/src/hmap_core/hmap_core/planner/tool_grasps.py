@@ -1,7 +1,7 @@
 """Which tool a robot should pick to move an object, and where it should grasp it."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -80,6 +80,53 @@ def _swing(grasp: ToolGrasp, state: SceneState) -> float:
     return float(np.abs(grasp.contact.keyframes[0] - state.q[grasp.robot]).max())
 
 
+class _Looks:
+    """Grasps on tools that are looked at by geometry, each once.
+
+    Args:
+        bound_of: how far a grasp may serve; by the first contacts, or by all of them.
+        least: index of the pose to which a grasp has to serve.
+        deadline: of ``time.monotonic``, s; at least one of the grasps at hand is looked at.
+
+    Attributes:
+        serving: the grasps that serve far enough, with how far.
+    """
+
+    def __init__(self, bound_of: Callable[[ToolGrasp, bool], _Bound], least: int, deadline: float):
+        self._bound_of, self._least, self._deadline = bound_of, least, deadline
+        self._seen: set[tuple[int, bool]] = set()
+        self.serving: list[tuple[ToolGrasp, _Bound]] = []
+
+    def at(self, grasps: Iterable[ToolGrasp], every: bool = False) -> int:
+        """Look at grasps that were not looked at; the index of the farthest pose to which one of these may serve."""
+        best = -1
+        for grasp in grasps:
+            if (id(grasp), every) in self._seen:
+                continue
+            self._seen.add((id(grasp), every))
+            bound = self._bound_of(grasp, every)
+            best = max(best, bound.reach)
+            if bound.reach >= self._least:
+                self.serving.append((grasp, bound))
+            if time.monotonic() > self._deadline:
+                break
+        return best
+
+    def at_groups(self, groups: Sequence[Sequence[ToolGrasp]]) -> None:
+        """Look at the first grasps of each group, and at the others of those in which the best of the first is good."""
+        first = [self.at(some[:RANKED_FIRST]) for some in groups]
+        good = SHARE_OF_BEST * max(first, default=0) if self.serving else -1.0
+        for some, best in zip(groups, first, strict=True):
+            if best >= good:
+                self.at(some[RANKED_FIRST:])
+
+    def best(self, others: Sequence[ToolGrasp] = ()) -> list[tuple[ToolGrasp, int]]:
+        """The grasps that serve, the best first, then others in their order, each with how far it may serve."""
+        known = {id(grasp) for grasp, _ in self.serving}
+        found = [(grasp, bound.reach) for grasp, bound in sorted(self.serving, key=_by_reach)]
+        return found + [(grasp, self._least) for grasp in others if id(grasp) not in known]
+
+
 class ToolGraspFinder(Protocol):
     """Finds grasps on tools."""
 
@@ -129,70 +176,39 @@ class ToolGraspSearch:
         Returns:
             Pairs of a grasp and the index of the farthest pose to which hand, tool and object may go.
         """
-        deadline = time.monotonic() + time_limit
         rng = np.random.default_rng(seed)
-        least = least_reach(object_poses)
-        ranked: list[tuple[ToolGrasp, _Bound]] = []
-        pairs = [
-            (tool, robot)
+        groups = [
+            [ToolGrasp(tool, contact, state.poses[tool]) for contact in self.holds(scene, state, tool, robot, rng)]
             for tool in tools_of(scene, object)
             for robot in scene.robots
             if within_reach(scene, state, robot, tool, object)
         ]
-        grasps = [
-            [ToolGrasp(tool, contact, state.poses[tool]) for contact in self.holds(scene, state, tool, robot, rng)]
-            for tool, robot in pairs
-        ]
 
-        def rank(some: Sequence[ToolGrasp], every: bool = False) -> int:
-            best = -1
-            for grasp in some:
-                attached = attach_tool(scene, grasp)
-                bound = self._bound(attached, state, object, object_poses, grasp, rng, every)
-                best = max(best, bound.reach)
-                if bound.reach >= least:
-                    ranked.append((grasp, bound))
-                if time.monotonic() > deadline:
-                    break
-            return best
+        def bound_of(grasp: ToolGrasp, every: bool) -> _Bound:
+            return self._bound(attach_tool(scene, grasp), state, object, object_poses, grasp, rng, every)
 
-        rest = grasps
+        looks = _Looks(bound_of, least_reach(object_poses), time.monotonic() + time_limit)
         if self._ranker is not None:
-            every = [grasp for some in grasps for grasp in some]
-            ordered, expected, p = self._best(scene, state, object, object_poses, every)
+            ordered, expected, p = self._best(scene, state, object, object_poses, [g for some in groups for g in some])
             if p.max(initial=0.0) < likely:
                 return []
             if ordered and expected[0] >= CERTAIN:
-                return [(grasp, least) for grasp in ordered]
+                return looks.best(ordered)
             probable = {id(grasp) for grasp, each in zip(ordered, p, strict=True) if each >= UNLIKELY}
             # where none is probable, the order says little: tools may be of a kind that the ranker does not know
             for grasp, share in zip(ordered[:LOOKED_AT] if probable else [], expected, strict=False):
-                if rank([grasp]) >= share * (len(object_poses) - 1):
+                if looks.at([grasp]) >= share * (len(object_poses) - 1):
                     break  # as far as expected: the others are expected to serve less
-            if likely and not ranked:
+            if likely and not looks.serving:
                 return []  # the ranker was wrong: hands come first, as without it, before all grasps are looked at
-            if probable and not ranked:
-                self._rank_groups([[grasp for grasp in some if id(grasp) in probable] for some in grasps], rank, ranked)
-            if ranked:
-                seen = {id(grasp) for grasp, _ in ranked}
-                others = [(grasp, least) for grasp in ordered if id(grasp) not in seen]
-                return [(grasp, bound.reach) for grasp, bound in sorted(ranked, key=_by_reach)] + others
-            rest = [[grasp for grasp in some if id(grasp) not in probable] for some in grasps]
-        self._rank_groups(rest, rank, ranked)
-        for some in [] if ranked else grasps:
-            rank(some, every=True)
-        return [(grasp, bound.reach) for grasp, bound in sorted(ranked, key=_by_reach)]
-
-    @staticmethod
-    def _rank_groups(
-        groups: Sequence[Sequence[ToolGrasp]], rank: Callable[[Sequence[ToolGrasp]], int], ranked: list
-    ) -> None:
-        """Look at the first grasps of each tool and robot, and at the others where the best of these is good."""
-        first = [rank(some[:RANKED_FIRST]) for some in groups]
-        good = SHARE_OF_BEST * max(first, default=0) if ranked else -1.0
-        for some, best in zip(groups, first, strict=True):
-            if best >= good:
-                rank(some[RANKED_FIRST:])
+            if probable and not looks.serving:
+                looks.at_groups([[grasp for grasp in some if id(grasp) in probable] for some in groups])
+            if looks.serving:
+                return looks.best(ordered)
+        looks.at_groups(groups)
+        for some in [] if looks.serving else groups:
+            looks.at(some, every=True)
+        return looks.best()
 
     def _best(
         self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, grasps: list[ToolGrasp]
