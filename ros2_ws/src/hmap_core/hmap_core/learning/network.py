@@ -13,6 +13,7 @@ from hmap_core.learning import features, hold_features, weights
 
 SHIPPED = Path(__file__).with_name("contacts.safetensors")
 CLIP = 8.0  # of a standardised feature
+ROWS = 16  # at once: more would wake the threads of BLAS, which takes longer than the product where cores are busy
 CONTACT, HOLD = "contact", "hold"
 OUTPUTS = {CONTACT: 3, HOLD: 2}
 WIDTHS = {CONTACT: features.WIDTH, HOLD: hold_features.WIDTH}
@@ -36,6 +37,12 @@ class Network:
         x = rows - self.mean
         x *= self.scale
         np.clip(x, -CLIP, CLIP, out=x)
+        out = np.empty((len(x), self.layers[-1][1].size), np.float32)
+        for k in range(0, len(x), ROWS):
+            out[k : k + ROWS] = self._outputs(x[k : k + ROWS])
+        return out
+
+    def _outputs(self, x: np.ndarray) -> np.ndarray:
         for k, (matrix, bias) in enumerate(self.layers):
             x = x @ matrix
             x += bias

@@ -48,7 +48,7 @@ class TrainingConfig:
     hold_batch: int = 128
     rate: float = 0.002
     decay: float = 0.3
-    hold_decay: float = 1.5
+    hold_decay: float = 0.7
     kept: float = 1.0
     without: tuple[str, ...] = ()
 

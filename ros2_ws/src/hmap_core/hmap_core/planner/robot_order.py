@@ -29,5 +29,11 @@ def robot_order(
     near = nearest_first(scene, object, state, tuple(scene.robots))
     if ranker is None or len(near) < 2:
         return near
-    unlikely = dict(zip(near, ranker.hand_serves(scene, state, object, object_poses, near) < UNLIKELY, strict=True))
-    return tuple(sorted(near, key=unlikely.__getitem__))
+
+    def unlikely(robots: tuple[str, ...]) -> np.ndarray:
+        return ranker.hand_serves(scene, state, object, object_poses, robots) < UNLIKELY
+
+    if not unlikely(near[:1])[0]:
+        return near  # what is expected of the others would cost time, and change nothing unless this one fails
+    last = dict(zip(near, (True, *unlikely(near[1:])), strict=True))
+    return tuple(sorted(near, key=last.__getitem__))

@@ -6,23 +6,28 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from hmap_core.collision.convex import convex_set
 from hmap_core.contacts.feasibility import reach_bounds, reachable
 from hmap_core.planner.contact_checker import cleared, least_reach, secure_grasps
 from hmap_core.planner.interfaces import RobotContact, ToolGrasp
 from hmap_core.planner.protocols import ContactProposals, ContactProposer, ContactQuery, ManipulatorRanker
 from hmap_core.planner.robot_order import UNLIKELY
 from hmap_core.planner.tools import attach_tool, farthest_points, tools_of, within_reach
-from hmap_core.transforms import rotation_matrices, rotation_matrix
-from hmap_core.types import ContactPoint, Scene, SceneState
+from hmap_core.transforms import apply, rotation_matrices, rotation_matrix, wrapped
+from hmap_core.types import AttachedBody, ContactPoint, Scene, SceneState
 
 TRIED = 16  # grasps on a tool for which inverse kinematics is solved
 KEPT = 8  # of them, per robot
 RANKED_FIRST = 3  # of these; the others are ranked only if the best of the first is good
-LOOKED_AT = 2  # of the best that a ranker names; one if it serves as far as expected
+LOOKED_AT = 8  # of the best that a ranker names, until some serve
+ENOUGH = 0.5  # of what a ranker expects: a grasp that serves so far is taken
+COMPARED = 2  # of these that are compared where the first does not serve as far as expected
 CERTAIN = 0.5  # probability times share of the path, from which on no contact is generated to compare grasps
 ALIKE = (
     0.8  # of the best expectation of a ranker, from which on what it expects of grasps tells little about which is best
 )
+POINTS = 0.05  # m beside the hand to which a tool reaches at least that points somewhere
+FIRST_WAY = 8  # poses of an object's path whose direction counts for where a tool has to point
 FROM_ABOVE = float(np.cos(np.deg2rad(45.0)))  # cosine between the hand's approach and the vertical
 TURN_STEP = float(np.deg2rad(45.0))  # rad; travels that differ by less count alike
 SHARE_OF_BEST = 0.5  # reach, as a share of the best, from which on a tool and robot count as good
@@ -80,6 +85,20 @@ def _swing(grasp: ToolGrasp, state: SceneState) -> float:
     return float(np.abs(grasp.contact.keyframes[0] - state.q[grasp.robot]).max())
 
 
+def _turn(grasp: ToolGrasp, attached: AttachedBody, way: np.ndarray) -> float:
+    """Angle between where a tool points as it is picked, and a direction (3,) of pushes, about the vertical, rad.
+
+    A tool points from the hand to its farthest vertex. 0 for tools below the hand, which point nowhere.
+    """
+    R = rotation_matrix(grasp.T_place) @ rotation_matrix(grasp.contact.contact.T_obj_ee)
+    vertices = apply(attached.T_ee_body, convex_set(attached.shapes).vertices) @ R.T
+    lengths = np.linalg.norm(vertices[:, :2], axis=1)
+    if lengths.max() < POINTS or np.linalg.norm(way[:2]) < 0.5 * np.linalg.norm(way):
+        return 0.0
+    tip = vertices[lengths.argmax(), :2]
+    return abs(float(wrapped(np.arctan2(tip[1], tip[0]) - np.arctan2(way[1], way[0]))))
+
+
 class _Looks:
     """Grasps on tools that are looked at by geometry, each once.
 
@@ -121,10 +140,9 @@ class _Looks:
                 self.at(some[RANKED_FIRST:])
 
     def best(self, others: Sequence[ToolGrasp] = ()) -> list[tuple[ToolGrasp, int]]:
-        """The grasps that serve, the best first, then others in their order, each with how far it may serve."""
-        known = {id(grasp) for grasp, _ in self.serving}
+        """The grasps that serve, the best first, then others that were not looked at; with how far each may serve."""
         found = [(grasp, bound.reach) for grasp, bound in sorted(self.serving, key=_by_reach)]
-        return found + [(grasp, self._least) for grasp in others if id(grasp) not in known]
+        return found + [(grasp, self._least) for grasp in others if (id(grasp), False) not in self._seen]
 
 
 class ToolGraspFinder(Protocol):
@@ -196,9 +214,10 @@ class ToolGraspSearch:
                 return looks.best(ordered)
             probable = {id(grasp) for grasp, each in zip(ordered, p, strict=True) if each >= UNLIKELY}
             # where none is probable, the order says little: tools may be of a kind that the ranker does not know
-            for grasp, share in zip(ordered[:LOOKED_AT] if probable else [], expected, strict=False):
-                if looks.at([grasp]) >= share * (len(object_poses) - 1):
-                    break  # as far as expected: the others are expected to serve less
+            for k, grasp in enumerate(ordered[:LOOKED_AT] if probable else []):
+                reach = looks.at([grasp])
+                if reach >= ENOUGH * expected[k] * (len(object_poses) - 1) or (looks.serving and k + 1 >= COMPARED):
+                    break  # the others are expected to serve less
             if likely and not looks.serving:
                 return []  # the ranker was wrong: hands come first, as without it, before all grasps are looked at
             if probable and not looks.serving:
@@ -222,13 +241,16 @@ class ToolGraspSearch:
             return grasps, np.zeros(len(grasps)), np.zeros(len(grasps))
         p, share = self._ranker.hold_serves(scene, state, object, object_poses, grasps)
         expected = p * share
+        way = object_poses[min(FIRST_WAY, len(object_poses) - 1), :3] - object_poses[0, :3]
 
         def key(k: int) -> tuple[bool, bool, int, float]:
             if expected[k] < ALIKE * expected.max():
                 return True, False, 0, -expected[k]
             grasp = grasps[k]
             above = _from_above(grasp.contact.contact, grasp.T_place)
-            return False, not above, round(_swing(grasp, state) / TURN_STEP), -expected[k]
+            attached = attach_tool(scene, grasp).robots[grasp.robot].model.attached
+            travel = _swing(grasp, state) + (0.0 if attached is None else _turn(grasp, attached, way))
+            return False, not above, round(travel / TURN_STEP), -expected[k]
 
         order = sorted(range(len(grasps)), key=key)
         return [grasps[k] for k in order], expected[order], p[order]
