@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from hmap_core import planner
+from hmap_core.learning.proposer import where_known
+from hmap_core.planner import HmapPlanner
 from hmap_core.planner.components import local_components
+from hmap_core.planner.interfaces import ToolGrasp
 from hmap_core.planner.manipulator_order import contact_strategies
 from hmap_core.planner.robot_order import robot_order
 from hmap_core.planner.sampled_contacts import SampledContacts
@@ -108,6 +111,21 @@ def test_a_proposer_that_ranks_is_used_for_tools_and_one_that_does_not_is_not():
     assert local_components(proposer=ranker).ranker is ranker
     assert local_components(proposer=SampledContacts()).ranker is None
     assert local_components().ranker is None
+    assert HmapPlanner().components.ranker is not None
+
+
+def test_by_default_nothing_changes_where_the_model_knows_nothing(tmp_path, recwarn):
+    ranker, tool = where_known(), "pawn"
+    scene = load_scene("published/puck_around", 0)
+    state, name = scene.start_state(), scene.goal.object
+    path, robots = np.tile(state.poses[name], (9, 1)), tuple(scene.robots)
+    holds = [ToolGrasp(tool, c, state.poses[tool]) for c in ToolGraspSearch(SampledContacts()).holds(
+        scene, state, tool, robots[0], np.random.default_rng(0))]  # fmt: skip
+    assert holds and not np.any(ranker.hold_serves(scene, state, name, path, holds))
+    assert np.all(ranker.hand_serves(scene, state, name, path, robots) == 1.0)
+    plans = [planner.plan(scene, seed=0, **options) for options in ({}, {"proposer": "sampled"})]
+    first, second = (plan.trajectory.joints for plan in plans)
+    assert all(np.array_equal(first[name], second[name]) for name in first) and not recwarn.list
 
 
 def test_no_tool_is_looked_at_first_that_is_not_expected_to_serve(scene):

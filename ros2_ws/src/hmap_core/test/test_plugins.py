@@ -66,7 +66,9 @@ def test_every_listed_part_implements_its_protocol(foreign):
 
 
 def test_an_unknown_name_is_refused_with_those_that_there_are(foreign):
-    with pytest.raises(InputError, match="unknown contact proposer 'learnt'; there are last_first, learned, sampled"):
+    with pytest.raises(
+        InputError, match="unknown contact proposer 'learnt'; there are auto, last_first, learned, sampled"
+    ):
         plugins.create(plugins.CONTACT_PROPOSERS, "learnt")
     with pytest.raises(InputError, match="unknown group 'hmap.robots'"):
         plugins.plugins("hmap.robots")
@@ -104,11 +106,10 @@ def test_options_of_hmap_are_refused_for_other_methods(foreign, tmp_path):
 
 
 def test_h_map_takes_a_contact_proposer_after_a_colon(tmp_path):
-    plans = [
-        planner.plan(load_scene("tunnel_tool", 1), seed=1, **options)
-        for options in ({"planner": "hmap:learned"}, {"proposer": "learned"})
-    ]
-    assert plans[0].stats["learned_contacts"] == plans[1].stats["learned_contacts"] > 0
+    scene = load_scene("tunnel_tool", 1)
+    plans = {name: planner.plan(scene, seed=1, planner=name) for name in ("hmap", "hmap:learned", "hmap:sampled")}
+    learned = {name: plan.stats["learned_contacts"] for name, plan in plans.items()}
+    assert learned["hmap"] == learned["hmap:learned"] > 0 == learned["hmap:sampled"]
     with pytest.raises(InputError, match="unknown contact proposer 'guessed'"):
         planner.plan(carry(tmp_path), planner="hmap:guessed")
     with pytest.raises(InputError, match="'hmap:learned' names a contact proposer, so it has no further parts"):

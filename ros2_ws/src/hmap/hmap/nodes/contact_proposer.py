@@ -53,7 +53,9 @@ class ContactProposerNode(ManagedNode):
         self._time_limit = self.parameter("time_limit", 30.0, "s, of a request that names none", 0.01, 3600.0)
         self._count = self.parameter("count", 40, "contacts at most, of a request that names no number", 1, 10000)
         patience = self.parameter("service_patience", 5.0, "s to wait for a node that is away or has died", 0.0, 3600.0)
-        name = self.parameter("proposer", "sampled", "proposes contacts before sampled ones; see `hmap plugins`")
+        name = self.parameter(
+            "proposer", plugins.DEFAULT_PROPOSER, "proposes contacts before sampled ones; see `hmap plugins`"
+        )
         self.proposer = plugins.create(plugins.CONTACT_PROPOSERS, name)
         self._proposers = proposers(self.proposer)
         text = "whether komo_optimiser checks contacts, instead of this node"

@@ -112,7 +112,9 @@ class Supervisor(ManagedNode):
         if self._planner.startswith(f"{plugins.DEFAULT_PLANNER}:"):
             raise InputError(f"the parameter 'planner' is '{self._planner}'; name the proposer by 'proposer' instead")
         text = "orders robots, tools and their holds, if it can; see `hmap plugins`"
-        self._proposer = plugins.create(plugins.CONTACT_PROPOSERS, self.parameter("proposer", "sampled", text))
+        self._proposer = plugins.create(
+            plugins.CONTACT_PROPOSERS, self.parameter("proposer", plugins.DEFAULT_PROPOSER, text)
+        )
         self._patience = self.parameter(
             "service_patience", 5.0, "s to wait for a node that is away or has died", 0.0, 3600.0
         )

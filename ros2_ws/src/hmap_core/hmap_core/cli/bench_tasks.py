@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", type=count, default=SEEDS, metavar="N", help=f"how many for each task ({SEEDS})")
     parser.add_argument("--first-seed", type=natural, default=0, metavar="S", help="the first of them (0)")
     add_trial_arguments(parser, DEFAULT_TIME_LIMIT)
-    text = "proposes contacts before they are sampled (sampled); `hmap plugins` lists them"
+    text = "proposes contacts before they are sampled (auto); `hmap plugins` lists them"
     parser.add_argument("--proposer", default="", metavar="NAME", help=text)
     parser.add_argument("--dask", metavar="ADDRESS", help="do them on the cluster of this Dask scheduler")
     parser.add_argument(

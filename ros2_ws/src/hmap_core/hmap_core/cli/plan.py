@@ -32,7 +32,7 @@ def parts_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--planner", default="hmap", metavar="NAME", help=f"the method (hmap); {listed}")
     text = f"plans the path of the object (hmap, the search of H-MaP); {listed}"
     parser.add_argument("--object-path", metavar="NAME", help=text)
-    text = f"proposes contacts before they are sampled (sampled); {listed}"
+    text = f"proposes contacts before they are sampled (auto, a model where it knows robots and task); {listed}"
     parser.add_argument("--proposer", metavar="NAME", help=text)
     text = f"searches transits of arms where the optimiser finds none (hmap, two trees); {listed}"
     parser.add_argument("--transit", metavar="NAME", help=text)

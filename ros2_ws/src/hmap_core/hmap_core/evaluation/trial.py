@@ -29,7 +29,7 @@ class Trial:
         perturbation: how far the world is off that executes the plan; empty: not at all.
         sample: seed of the perturbation.
         planner: the method, a name of ``hmap plugins``.
-        proposer: proposes contacts before they are sampled, as ``hmap plan --proposer``; empty: they are only sampled.
+        proposer: proposes contacts before they are sampled, as ``hmap plan --proposer``; empty: the default one.
     """
 
     task: str

@@ -21,7 +21,7 @@ from hmap_core.planner.tools import attach_tool
 from hmap_core.types import Robot, Scene, SceneState, TaskMode
 
 CHECKS = 32  # contacts that are proposed at least: of them, the one that serves farthest is used
-SURE = 1.0  # what is expected of a robot or a task about which nothing was learned
+SURE = 1.0  # what is expected of hands about which nothing was learned: they come first, as without a model
 
 
 class LearnedContacts:
@@ -31,8 +31,11 @@ class LearnedContacts:
     the model asks for, so that one of them is feasible in 95 % of the queries in which any is. Sampled contacts follow
     as fallback.
 
+    Where nothing was learned about a robot or a kind of task, nothing is proposed, and the order is that of sampling.
+
     Args:
         weights: a file of `hmap train`; empty: the weights that are shipped.
+        warns: whether a warning tells of robots about which nothing was learned.
 
     Raises:
         InputError: the file is missing, damaged or of another program.
@@ -40,11 +43,18 @@ class LearnedContacts:
 
     name = "learned"
 
-    def __init__(self, weights: str = ""):
-        self._model: ContactModel = load_model(Path(weights).absolute() if weights else SHIPPED)
+    def __init__(self, weights: str = "", warns: bool = True):
+        self._file, self._warns = Path(weights).absolute() if weights else SHIPPED, warns
+        if weights:
+            load_model(self._file)
         self._candidates = SampledContacts()
         self._boxes: tuple[tuple, tuple, Boxes] | None = None
         self._hands: tuple[tuple, np.ndarray, np.ndarray] | None = None  # tools and robots are ordered by one answer
+
+    @property
+    def _model(self) -> ContactModel:
+        """Loaded when it is needed: in kinematic tasks it is not."""
+        return load_model(self._file)
 
     def propose(self, query: ContactQuery) -> Iterator[ContactProposals]:
         """Yield one batch of contacts of a held tool, the best first.
@@ -86,7 +96,7 @@ class LearnedContacts:
     ) -> tuple[np.ndarray, np.ndarray]:
         """As :meth:`hmap_core.planner.protocols.ManipulatorRanker.hold_serves`."""
         if not holds or not all(self._knows(scene, hold.robot) for hold in holds):
-            return np.full(len(holds), SURE), np.full(len(holds), SURE)
+            return np.zeros(len(holds)), np.zeros(len(holds))
         rows = []
         for hold in holds:
             placed = attach_tool(scene, hold).robots[hold.robot]
@@ -107,15 +117,20 @@ class LearnedContacts:
         if scene.mode == TaskMode.KINEMATIC:
             return False  # any touch carries: there is nothing to learn
         model = scene.robots[robot].model.name
-        if model not in self._model.robots:
+        known = model in self._model.robots
+        if not known and self._warns:
             warnings.warn(
                 f"the learned contact proposer has not seen the robot '{model}' (it knows "
                 f"{', '.join(sorted(self._model.robots))}): its contacts are sampled",
                 RuntimeWarning,
                 stacklevel=2,
             )
-            return False
-        return True
+        return known
+
+
+def where_known() -> LearnedContacts:
+    """The default proposer: the shipped model, silent about robots and tasks that it does not know."""
+    return LearnedContacts(warns=False)
 
 
 def _same(some: tuple, others: tuple) -> bool:

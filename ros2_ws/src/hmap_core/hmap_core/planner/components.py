@@ -69,7 +69,7 @@ def local_components(
         checker,
         contacts or ProposeAndCheck(proposers(proposer), checker),
         segments or KomoSegmentPlanner(),
-        ToolGraspSearch(sampled, ranker),
+        ToolGraspSearch(sampled, ranker, proposer if ranker is not None else None),
         EndContacts(sampled),
         ranker,
     )

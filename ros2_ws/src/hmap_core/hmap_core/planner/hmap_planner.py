@@ -28,17 +28,23 @@ from hmap_core.types import Goal, Plan, Scene, SceneState, SegmentKind
 from hmap_core.validation import Report, check
 
 
+def default_components() -> PlannerComponents:
+    """The parts of this process, with the default contact proposer."""
+    return local_components(proposer=plugins.create(plugins.CONTACT_PROPOSERS, plugins.DEFAULT_PROPOSER))
+
+
 @dataclass
 class HmapPlanner:
     """Implements :class:`hmap_core.planner.protocols.ManipulationPlanner`: H-MaP, Algorithms 1 to 3 of the paper.
 
     Attributes:
-        components: the parts that do the work; by default those of this process.
+        components: the parts that do the work; by default those of this process, with learned contacts where they are
+            known.
         clouds: what cameras measured on each object, in its own frame.
         tool_grasp: the grasp on the tool that a robot holds at the start, if one does.
     """
 
-    components: PlannerComponents = field(default_factory=local_components)
+    components: PlannerComponents = field(default_factory=default_components)
     clouds: Mapping[str, Cloud] = field(default_factory=dict)
     tool_grasp: ToolGrasp | None = None
 
@@ -76,7 +82,7 @@ def hmap_planner(proposer: str = "") -> HmapPlanner:
     """H-MaP by its name among the planners, ``hmap`` or ``hmap:PROPOSER``: a row of its own in a table of methods.
 
     Args:
-        proposer: name of a contact proposer, which may have an argument of its own; empty: contacts are only sampled.
+        proposer: name of a contact proposer, which may have an argument of its own; empty: the default one.
 
     Raises:
         InputError: the name is unknown, or the proposer cannot be loaded.

@@ -42,7 +42,8 @@ def plan(
         time_limit: seconds of wall-clock time; None: 60 s, of which H-MaP computes 10 s at most.
         planner: the method, by name (``hmap plugins`` lists them) or as an object.
         object_path: plans the path of the object, by name or as an object; None: hmap's own search.
-        proposer: proposes contacts before they are sampled, by name or as an object; None: they are only sampled.
+        proposer: proposes contacts before they are sampled, by name or as an object; None: ``auto``, the learned one
+            where it knows robots and task.
         transit: searches transits where the optimiser finds none, by name or as an object; None: hmap's own trees.
         components: all parts of H-MaP at once, instead of the three above.
         clouds: what cameras measured on each object, in its own frame.
@@ -96,7 +97,7 @@ def create_planner(
     if components is None and not object_path is proposer is transit is None:
         components = local_components(
             plugins.resolve(plugins.OBJECT_PATH_PLANNERS, object_path),
-            plugins.resolve(plugins.CONTACT_PROPOSERS, proposer),
+            plugins.resolve(plugins.CONTACT_PROPOSERS, proposer or plugins.DEFAULT_PROPOSER),
             segments=KomoSegmentPlanner(plugins.resolve(plugins.TRANSIT_PLANNERS, transit)),
         )
     return HmapPlanner(components or method.components, clouds or method.clouds, tool_grasp or method.tool_grasp)

@@ -26,13 +26,14 @@ KINDS = {
     TRANSIT_PLANNERS: ("transit planner", "find_transit"),
     PLANNERS: ("planner", "plan"),
 }  # group -> what it is called, and the method that a part of it has
-DEFAULT_PLANNER = "hmap"
+DEFAULT_PLANNER, DEFAULT_PROPOSER = "hmap", "auto"
 _BUILT_IN = {
     OBJECT_PATH_PLANNERS: {
         "hmap": "hmap_core.planner.object_path:BidirectionalSearch",
         "ompl": "hmap_core.planner.ompl_object_path:ompl_object_path",
     },
     CONTACT_PROPOSERS: {
+        "auto": "hmap_core.learning.proposer:where_known",
         "sampled": "hmap_core.planner.sampled_contacts:SampledContacts",
         "learned": "hmap_core.learning.proposer:LearnedContacts",
     },

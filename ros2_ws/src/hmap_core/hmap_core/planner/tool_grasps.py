@@ -20,12 +20,9 @@ TRIED = 16  # grasps on a tool for which inverse kinematics is solved
 KEPT = 8  # of them, per robot
 RANKED_FIRST = 3  # of these; the others are ranked only if the best of the first is good
 LOOKED_AT = 8  # of the best that a ranker names, until some serve
-ENOUGH = 0.5  # of what a ranker expects: a grasp that serves so far is taken
-COMPARED = 2  # of these that are compared where the first does not serve as far as expected
-CERTAIN = 0.5  # probability times share of the path, from which on no contact is generated to compare grasps
-ALIKE = (
-    0.8  # of the best expectation of a ranker, from which on what it expects of grasps tells little about which is best
-)
+COMPARED = 2  # of these, where some serve; fewer, if one serves to the end of the path without a long way
+LITTLE_TRAVEL = 3  # steps of TURN_STEP that arm and tool may turn for a grasp that is taken without a comparison
+ALIKE = 0.5  # of the best expectation of a ranker, from which on it tells little about which grasp is best
 POINTS = 0.05  # m beside the hand to which a tool reaches at least that points somewhere
 FIRST_WAY = 8  # poses of an object's path whose direction counts for where a tool has to point
 FROM_ABOVE = float(np.cos(np.deg2rad(45.0)))  # cosine between the hand's approach and the vertical
@@ -46,6 +43,10 @@ class _Bound(NamedTuple):
     reach: int = -1
     travel: int = 0
     contacts: int = 0
+
+    def ends_at(self, last: int) -> bool:
+        """Whether it serves to the last pose, without a long way: other grasps can hardly be better."""
+        return self.reach == last and self.travel <= LITTLE_TRAVEL
 
 
 def _by_reach(entry: tuple[ToolGrasp, _Bound]) -> tuple[int, bool, int, int]:
@@ -166,10 +167,16 @@ class ToolGraspSearch:
     Args:
         proposer: proposes grasps on tools, and contacts of tools on the object.
         ranker: estimates how far each grasp serves; only the best of them are looked at then. None: all are.
+        informed: proposes few contacts of tools on the object, for what the ranker names; None: ``proposer`` does.
     """
 
-    def __init__(self, proposer: ContactProposer, ranker: ManipulatorRanker | None = None):
-        self._proposer, self._ranker = proposer, ranker
+    def __init__(
+        self,
+        proposer: ContactProposer,
+        ranker: ManipulatorRanker | None = None,
+        informed: ContactProposer | None = None,
+    ):
+        self._proposer, self._ranker, self._informed = proposer, ranker, informed
 
     def tool_grasps(
         self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, seed: int, time_limit: float,
@@ -207,17 +214,15 @@ class ToolGraspSearch:
 
         looks = _Looks(bound_of, least_reach(object_poses), time.monotonic() + time_limit)
         if self._ranker is not None:
-            ordered, expected, p = self._best(scene, state, object, object_poses, [g for some in groups for g in some])
+            ordered, p = self._best(scene, state, object, object_poses, [g for some in groups for g in some])
             if p.max(initial=0.0) < likely:
                 return []
-            if ordered and expected[0] >= CERTAIN:
-                return looks.best(ordered)
             probable = {id(grasp) for grasp, each in zip(ordered, p, strict=True) if each >= UNLIKELY}
             # where none is probable, the order says little: tools may be of a kind that the ranker does not know
             for k, grasp in enumerate(ordered[:LOOKED_AT] if probable else []):
-                reach = looks.at([grasp])
-                if reach >= ENOUGH * expected[k] * (len(object_poses) - 1) or (looks.serving and k + 1 >= COMPARED):
-                    break  # the others are expected to serve less
+                looks.at([grasp])
+                if looks.serving and (k + 1 >= COMPARED or looks.serving[-1][1].ends_at(len(object_poses) - 1)):
+                    break
             if likely and not looks.serving:
                 return []  # the ranker was wrong: hands come first, as without it, before all grasps are looked at
             if probable and not looks.serving:
@@ -231,14 +236,15 @@ class ToolGraspSearch:
 
     def _best(
         self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, grasps: list[ToolGrasp]
-    ) -> tuple[list[ToolGrasp], np.ndarray, np.ndarray]:
-        """The grasps in the order of the shares (G,) of the path that the ranker expects them to serve, and these.
+    ) -> tuple[list[ToolGrasp], np.ndarray]:
+        """The grasps in the order of how far the ranker expects them to serve, and the probabilities (G,) that they
+        serve more than a few poses.
 
         Of grasps of which about as much is expected as of the best, those from above come first, then those for which
-        the arm turns little. Last, the probabilities (G,) that they serve more than a few poses, in the same order.
+        the arm turns little.
         """
         if self._ranker is None or not grasps:
-            return grasps, np.zeros(len(grasps)), np.zeros(len(grasps))
+            return grasps, np.zeros(len(grasps))
         p, share = self._ranker.hold_serves(scene, state, object, object_poses, grasps)
         expected = p * share
         way = object_poses[min(FIRST_WAY, len(object_poses) - 1), :3] - object_poses[0, :3]
@@ -253,7 +259,7 @@ class ToolGraspSearch:
             return False, not above, round(travel / TURN_STEP), -expected[k]
 
         order = sorted(range(len(grasps)), key=key)
-        return [grasps[k] for k in order], expected[order], p[order]
+        return [grasps[k] for k in order], p[order]
 
     def holds(self, scene: Scene, state: SceneState, tool: str, robot: str, rng) -> list[RobotContact]:
         """Grasps in which a robot can pick a tool where it stands, far from each other."""
@@ -276,12 +282,14 @@ class ToolGraspSearch:
     ) -> _Bound:
         """The farthest pose to which hand, tool and object may go.
 
-        By the first batch of contacts; with ``every`` by all of them, up to the first one that serves far enough.
+        By the first batch of contacts, an informed one if there is one; with ``every`` by all of them, up to the first
+        one that serves far enough.
         """
         query = ContactQuery(scene, state, object, object_poses, grasp.robot, rng)
         manipulation, _ = cleared(scene, state, object, grasp.robot)
         best = _Bound()
-        for batch in self._proposer.propose(query) if every else (self._first_batch(query),):
+        first = next(iter(self._informed.propose(query)), None) if self._informed is not None and not every else None
+        for batch in self._proposer.propose(query) if every else (first or self._first_batch(query),):
             if len(batch.contacts):
                 bounds = reach_bounds(manipulation, batch.contacts, object_poses)
                 reach = int(bounds.max())
