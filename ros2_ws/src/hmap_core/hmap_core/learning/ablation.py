@@ -189,5 +189,5 @@ def figure(comparisons: Sequence[Comparison], path: Path) -> None:
     axes.axhline(1.0, color="0.4", linewidth=1)
     axes.set_xticks(np.arange(len(comparisons)), [one.task for one in comparisons], rotation=20)
     axes.set_ylabel("learned / sampling only")
-    axes.legend()
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
     drawing.savefig(path, dpi=150)
