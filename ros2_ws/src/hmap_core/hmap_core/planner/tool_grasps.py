@@ -209,15 +209,18 @@ class ToolGraspSearch:
             if within_reach(scene, state, robot, tool, object)
         ]
 
+        probable: set[int] = set()  # grasps, by identity, that the ranker expects to serve
+
         def bound_of(grasp: ToolGrasp, every: bool) -> _Bound:
-            return self._bound(attach_tool(scene, grasp), state, object, object_poses, grasp, rng, every)
+            attached, first = attach_tool(scene, grasp), self._informed if id(grasp) in probable else None
+            return self._bound(attached, state, object, object_poses, grasp, rng, first, every)
 
         looks = _Looks(bound_of, least_reach(object_poses), time.monotonic() + time_limit)
         if self._ranker is not None:
             ordered, p = self._best(scene, state, object, object_poses, [g for some in groups for g in some])
             if p.max(initial=0.0) < likely:
                 return []
-            probable = {id(grasp) for grasp, each in zip(ordered, p, strict=True) if each >= UNLIKELY}
+            probable |= {id(grasp) for grasp, each in zip(ordered, p, strict=True) if each >= UNLIKELY}
             # where none is probable, the order says little: tools may be of a kind that the ranker does not know
             for k, grasp in enumerate(ordered[:LOOKED_AT] if probable else []):
                 looks.at([grasp])
@@ -278,8 +281,9 @@ class ToolGraspSearch:
         return [RobotContact(robot, contacts[k], 0, q[k][None], away) for k in kept]
 
     def _bound(
-        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, grasp: ToolGrasp, rng, every: bool
-    ) -> _Bound:
+        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, grasp: ToolGrasp, rng,
+        informed: ContactProposer | None, every: bool,
+    ) -> _Bound:  # fmt: skip
         """The farthest pose to which hand, tool and object may go.
 
         By the first batch of contacts, an informed one if there is one; with ``every`` by all of them, up to the first
@@ -288,7 +292,7 @@ class ToolGraspSearch:
         query = ContactQuery(scene, state, object, object_poses, grasp.robot, rng)
         manipulation, _ = cleared(scene, state, object, grasp.robot)
         best = _Bound()
-        first = next(iter(self._informed.propose(query)), None) if self._informed is not None and not every else None
+        first = None if informed is None or every else next(iter(informed.propose(query)), None)
         for batch in self._proposer.propose(query) if every else (first or self._first_batch(query),):
             if len(batch.contacts):
                 bounds = reach_bounds(manipulation, batch.contacts, object_poses)
