@@ -20,6 +20,7 @@ from hmap_core.planner.sampled_contacts import SampledContacts
 from hmap_core.planner.tools import attach_tool
 from hmap_core.types import Robot, Scene, SceneState, TaskMode
 
+ALIKE = 0.5  # of the largest expectation, from which on contacts stay in the order of the sampler
 CHECKS = 32  # contacts that are proposed at least: of them, the one that serves farthest is used
 SURE = 1.0  # what is expected of hands about which nothing was learned: they come first, as without a model
 
@@ -27,9 +28,9 @@ SURE = 1.0  # what is expected of hands about which nothing was learned: they co
 class LearnedContacts:
     """Implements :class:`~hmap_core.planner.protocols.ContactProposer` and ``ManipulatorRanker``.
 
-    The first contacts of the sampler are scored by the model; the best are proposed. There are at least as many as
-    the model asks for, so that one of them is feasible in 95 % of the queries in which any is. Sampled contacts follow
-    as fallback.
+    The first contacts of the sampler are scored by the model; the likely ones are proposed. There are at least as many
+    as the model asks for, so that one of them is feasible in 95 % of the queries in which any is. Sampled contacts
+    follow as fallback.
 
     Where nothing was learned about a robot or a kind of task, nothing is proposed, and the order is that of sampling.
 
@@ -73,7 +74,7 @@ class LearnedContacts:
         body, placed = scene.bodies[query.object], scene.robots[query.robot]
         situation = PathSituation.among(scene, body, placed, query.object_poses, boxes)
         p, share = self._model.feasible(contact_features(situation, contacts))
-        best = np.argsort(-p * (0.2 + share), kind="stable")[: max(self._model.checks or 0, CHECKS)]
+        best = _likeliest(p * (0.2 + share))[: max(self._model.checks or 0, CHECKS)]
         yield ContactProposals(tuple(contacts[k] for k in best), tuple(p[best].tolist()))
 
     def hand_serves(
@@ -126,6 +127,16 @@ class LearnedContacts:
                 stacklevel=2,
             )
         return known
+
+
+def _likeliest(expected: np.ndarray) -> np.ndarray:
+    """Indices (K,) of contacts with what is expected of them: alike ones in their order, then others, the best first.
+
+    The order in which contacts are sampled, by their score, says how robust they are: of that nothing is learned.
+    """
+    alike = expected >= ALIKE * expected.max()
+    order = np.argsort(-expected, kind="stable")
+    return np.concatenate([np.flatnonzero(alike), order[~alike[order]]])
 
 
 def where_known() -> LearnedContacts:
