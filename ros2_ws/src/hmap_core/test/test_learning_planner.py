@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hmap_core import planner
-from hmap_core.learning.proposer import where_known
+from hmap_core.learning.proposer import _likeliest, where_known
 from hmap_core.planner import HmapPlanner
 from hmap_core.planner.components import local_components
 from hmap_core.planner.interfaces import ToolGrasp
@@ -112,6 +112,10 @@ def test_a_proposer_that_ranks_is_used_for_tools_and_one_that_does_not_is_not():
     assert local_components(proposer=SampledContacts()).ranker is None
     assert local_components().ranker is None
     assert HmapPlanner().components.ranker is not None
+
+
+def test_contacts_of_which_alike_is_expected_stay_in_the_order_of_the_sampler():
+    assert _likeliest(np.array([0.1, 0.8, 0.5, 0.3, 0.9, 0.2])).tolist() == [1, 2, 4, 3, 5, 0]
 
 
 def test_by_default_nothing_changes_where_the_model_knows_nothing(tmp_path, recwarn):
