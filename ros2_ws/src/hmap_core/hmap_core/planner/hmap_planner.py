@@ -28,9 +28,9 @@ from hmap_core.types import Goal, Plan, Scene, SceneState, SegmentKind
 from hmap_core.validation import Report, check
 
 
-def default_components() -> PlannerComponents:
-    """The parts of this process, with the default contact proposer."""
-    return local_components(proposer=plugins.create(plugins.CONTACT_PROPOSERS, plugins.DEFAULT_PROPOSER))
+def default_components(proposer: str = plugins.DEFAULT_PROPOSER) -> PlannerComponents:
+    """The parts of this process, with a contact proposer by its name."""
+    return local_components(proposer=plugins.create(plugins.CONTACT_PROPOSERS, proposer))
 
 
 @dataclass
@@ -87,9 +87,7 @@ def hmap_planner(proposer: str = "") -> HmapPlanner:
     Raises:
         InputError: the name is unknown, or the proposer cannot be loaded.
     """
-    if not proposer:
-        return HmapPlanner()
-    return HmapPlanner(local_components(proposer=plugins.create(plugins.CONTACT_PROPOSERS, proposer)))
+    return HmapPlanner(default_components(proposer or plugins.DEFAULT_PROPOSER))
 
 
 class PlanningJob:
