@@ -117,16 +117,16 @@ def _tool(cell: Cell, draw: Sampler, name: str, spot: Point, thick: float) -> No
 
 
 def tray(cell: Cell, draw: Sampler) -> None:
-    """A wide or flat thing slides among walls; a pawn or a stick stands by."""
+    """A wide or flat thing slides among walls, thin or wide, perhaps round a post; tools stand by."""
     cell.table()
     near = _arm(cell, draw)
-    middle = (draw.uniform(0.42, 0.5) - near, draw.uniform(-0.1, 0.1))
-    span = (draw.uniform(0.34, 0.5), draw.uniform(0.4, 0.75))
-    top = draw.uniform(0.02, 0.09)
-    values = {"span_x": span[0], "span_y": span[1], "wall": 0.02, "top": top}
+    middle = (draw.uniform(0.42, 0.54) - near, draw.uniform(-0.1, 0.1))
+    wall, top = draw.uniform(0.015, 0.1), draw.uniform(0.02, 0.12)
+    span = (draw.uniform(0.32, 0.5) + wall, draw.uniform(0.38, 0.9) + wall)
+    values = {"span_x": span[0], "span_y": span[1], "wall": wall, "top": top}
     cell.add_object("walls", "tray", (*middle, 0.0), values=values)
     width, tall = draw.uniform(0.05, 0.12), draw.uniform(0.02, 0.09)
-    half = (span[0] / 2 - width / 2 - 0.03, span[1] / 2 - width / 2 - 0.03)
+    half = ((span[0] - wall - width) / 2 - 0.02, (span[1] - wall - width) / 2 - 0.02)
     inside = [
         (middle[0] + draw.uniform(-half[0], half[0]), middle[1] + side * draw.uniform(0.2, 1.0) * half[1])
         for side in (-1, 1)
@@ -136,7 +136,7 @@ def tray(cell: Cell, draw: Sampler) -> None:
     start, goal = ((round(x, 4), round(y, 4)) for x, y in inside)
     if draw.choice((True, False)):
         post = (round(middle[0] + draw.uniform(-0.08, 0.08), 4), round(middle[1], 4))
-        size = (draw.uniform(0.02, 0.12), draw.uniform(0.02, 0.06), draw.uniform(0.02, 0.1))
+        size = (draw.uniform(0.02, 0.25), draw.uniform(0.02, 0.16), draw.uniform(0.02, 0.12))
         cell.box("post", size, post)
     yaw, friction = draw.angle(-30, 30), draw.uniform(0.4, 0.8)
     if draw.choice((True, False)):
