@@ -89,7 +89,7 @@ def test_the_service_plans_what_two_robots_do(run):
 def test_the_bag_holds_the_run(run, bag):
     _, folder, _ = run
     plan = load(folder / "plan.json")
-    assert bag["plans"] == 1
+    assert bag["plans"] >= 1  # more, where a stop in between was answered with a new plan
     for name, q in plan.trajectory.joints.items():
         moved = np.ptp(q, axis=0)
         for joint, planned in zip(plan.scene.robots[name].model.joint_names, moved, strict=True):
