@@ -154,6 +154,23 @@ def test_a_grasp_of_nothing_is_planned_anew_with_open_fingers(regrasped):
     assert replan.states[0].q["left"] != pytest.approx(HOME)
 
 
+def test_a_new_plan_from_where_the_arm_is_no_more_is_planned_again(regrasped):
+    class Late(Replanner):
+        """The first time the arm is taken to be where it was before."""
+
+        def __call__(self, request: ReplanRequest) -> Plan:
+            if request.attempt == 1:
+                request.state.q["left"][0] += 0.05
+            return super().__call__(request)
+
+    enough, too_few = (
+        execute_closed_loop(regrasped, Late(regrasped), n, between=shift("box", (0.015, 0, 0), after_first_retreat))
+        for n in (2, 1)
+    )
+    assert enough.solved and "starts 0.050 rad from where joint" in enough.replans[1].reason
+    assert too_few.code is Code.TRACKING_LOST
+
+
 def test_what_slips_is_let_go_before_planning_anew():
     plan = drag_plan(with_box(mass=1.0, friction=0.01), "box", 0.06, BY, lift=0.04)
     replan = Replanner(plan, fail=1)

@@ -6,6 +6,7 @@ They are stepped with the present time and neither know nor care whether the joi
 from hmap_core.execution.outcome import Outcome
 from hmap_core.simulation.gripper_controller import STALL_TIME, GripperController, GripperResult
 from hmap_core.simulation.trajectory_controller import (
+    StartsElsewhere,
     Tolerances,
     Tracking,
     TrajectoryController,
@@ -17,6 +18,7 @@ __all__ = [
     "GripperController",
     "GripperResult",
     "Outcome",
+    "StartsElsewhere",
     "Tolerances",
     "Tracking",
     "TrajectoryController",

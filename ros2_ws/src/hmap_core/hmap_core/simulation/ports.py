@@ -8,7 +8,7 @@ import numpy as np
 from hmap_core.exceptions import Code, ExecutionError, PlannerError
 from hmap_core.execution.outcome import Outcome
 from hmap_core.execution.ports import Canceled, Command, Feedback, Ports
-from hmap_core.simulation.controllers import GripperController, TrajectoryController, from_instant
+from hmap_core.simulation.controllers import GripperController, StartsElsewhere, TrajectoryController, from_instant
 from hmap_core.simulation.physics_world import PhysicsWorld
 from hmap_core.trajectory.samples import movable_bodies
 from hmap_core.types import JointTrajectory, Robot, Scene, SceneState
@@ -81,7 +81,10 @@ class SimulatedControllers:
     def move(self, robot: Robot, motion: JointTrajectory, start: float | None = None) -> SimulatedCommand:
         """As :meth:`ControllerPort.move`; the controllers' clock is that of the world."""
         now, arm = self.world.time, self._arms[robot.name]
-        arm.start(motion if start is None else from_instant(motion, start, now), now)
+        try:
+            arm.start(motion if start is None else from_instant(motion, start, now), now)
+        except StartsElsewhere as error:
+            raise ExecutionError(f"robot '{robot.name}': {error.reason}", Code.TRACKING_LOST) from error
         return self._begin(arm, SimulatedCommand(robot.name))
 
     def common_start(self) -> None:

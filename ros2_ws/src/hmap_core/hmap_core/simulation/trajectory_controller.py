@@ -69,6 +69,10 @@ def from_instant(trajectory: JointTrajectory, start: float, now: float) -> Joint
     return replace(trajectory, times=times[left], positions=positions, velocities=velocities, efforts=efforts)
 
 
+class StartsElsewhere(InputError):
+    """The joints are not where a trajectory starts."""
+
+
 class TrajectoryController:
     """Follows one joint trajectory at a time; holds still between them.
 
@@ -123,8 +127,8 @@ class TrajectoryController:
         """Follow a trajectory from ``now`` (s), in place of any that is active.
 
         Raises:
-            InputError: the trajectory is malformed, does not end at rest, or starts neither where the joints are told
-                to be nor, at rest, where they are; what was active goes on.
+            InputError: the trajectory is malformed, or does not end at rest; what was active goes on.
+            StartsElsewhere: it starts neither where the joints are told to be nor, at rest, where they are; likewise.
         """
         motion = self._checked(trajectory, now, tolerances or self._default_tolerances)
         if self.active:
@@ -203,7 +207,7 @@ class TrajectoryController:
             jump = np.minimum(jump, np.abs(positions[0] - self.tracking.q_actual))
         if jump.max() > tolerances.start:
             i = int(np.argmax(jump))
-            raise InputError(
+            raise StartsElsewhere(
                 f"the trajectory starts {jump[i]:.3f} rad from where joint {self.names[i]} is; "
                 f"{tolerances.start} is allowed"
             )
