@@ -208,7 +208,11 @@ def test_a_tool_stays_gripped_while_it_pushes():
         (lambda p: with_trajectory(p, gripper={}), Code.INVALID_PLAN_FILE, "gripper of 'left'"),
         (lambda p: with_trajectory(p, time=p.trajectory.time[::-1]), Code.INVALID_PLAN_FILE, "times"),
         (lambda p: with_trajectory(p, joints={"left": np.nan * p.trajectory.joints["left"]}), None, "finite"),
-        (lambda p: with_trajectory(p, joints={"left": p.trajectory.joints["left"] + 0.3}), None, "starts"),
+        (
+            lambda p: with_trajectory(p, joints={"left": p.trajectory.joints["left"] + 0.3}),
+            Code.INVALID_PLAN_FILE,
+            "starts 0.3",
+        ),
         (lambda p: with_trajectory(p, gripper={"left": p.trajectory.gripper["left"] + 0.3}), None, "opening"),
     ],
 )

@@ -6,7 +6,9 @@ Nothing but the joints and the fingers is ever commanded, through the same contr
 from collections.abc import Callable
 from contextlib import closing
 
-from hmap_core.exceptions import InputError
+import numpy as np
+
+from hmap_core.exceptions import Code, InputError
 from hmap_core.execution.drift import DriftTolerance
 from hmap_core.execution.plan_executor import PlanExecutor, Progress
 from hmap_core.execution.recovery import RecoveryPolicy, Replanner
@@ -15,6 +17,7 @@ from hmap_core.execution.stretches import Stretch, check_executable
 from hmap_core.simulation.engines import MUJOCO, PYBULLET, open_world
 from hmap_core.simulation.physics_world import PhysicsWorld
 from hmap_core.simulation.ports import SimulatedControllers, simulated_ports
+from hmap_core.simulation.trajectory_controller import START_TOLERANCE
 from hmap_core.types import Plan, Scene, SegmentKind
 
 START_SETTLE = 0.2  # s for the bodies to come to rest before anything moves
@@ -65,6 +68,7 @@ def execute_closed_loop(
             execute a contact of the plan.
     """
     check_executable(plan)
+    _check_start(plan)
     _check_presses(plan, engine)
     policy = RecoveryPolicy(max_replans, max_replans, drift=tolerance or DriftTolerance())
     with closing(open_world(plan.scene, engine, actual)) as world:
@@ -73,6 +77,19 @@ def execute_closed_loop(
         ports = simulated_ports(world, controllers)
         on_stretch = None if between is None else lambda stretch: between(world, stretch)
         return PlanExecutor(ports, on_progress=on_progress, on_stretch=on_stretch).run(plan, replan, policy)
+
+
+def _check_start(plan: Plan) -> None:
+    """Raises InputError where the trajectory does not start where its scene has the robots."""
+    for name, q in plan.scene.start_state().q.items():
+        off = np.abs(plan.trajectory.joints[name][0] - q)
+        if off.max() > START_TOLERANCE:
+            joint = plan.scene.robots[name].model.joint_names[int(off.argmax())]
+            raise InputError(
+                f"the plan cannot be executed: it starts {off.max():.3f} rad from where joint '{joint}' of '{name}' is "
+                f"in its scene; {START_TOLERANCE:g} is allowed",
+                Code.INVALID_PLAN_FILE,
+            )
 
 
 def _check_presses(plan: Plan, engine: str) -> None:
