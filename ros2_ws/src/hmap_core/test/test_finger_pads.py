@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 from simulation_fixtures import panda_model
 
 from hmap_core.kinematics.urdf import load_urdf
+from hmap_core.scenes import load_robot_model
 from hmap_core.simulation.finger_pads import HOLLOW, RADIUS, RECESS, RIM, SPREAD, with_pads
 
 
@@ -33,3 +35,18 @@ def test_each_finger_has_its_pad_in_front_of_its_hull(tmp_path):
 def test_an_arm_without_gripper_is_loaded_as_it_is(tmp_path):
     model = replace(panda_model(), gripper=None)
     assert with_pads(model, tmp_path) == model.urdf and not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["fr3", "xarm7", "ur5e_2f85"])
+def test_a_finger_of_several_parts_is_nowhere_thicker_than_they_are(name, tmp_path):
+    """Beside an L is free space, for the planner and in the simulation."""
+    model = load_robot_model(name)
+    own, simulated = load_urdf(model.urdf).hulls, load_urdf(with_pads(model, tmp_path)).hulls
+    for link in model.gripper.finger_links:
+        hulls = [ConvexHull(points).equations for points, _ in own[link]]
+        assert len(hulls) > 1
+        for points, radius in simulated[link]:
+            outside = [(points @ planes[:, :3].T + planes[:, 3]).max(axis=1) for planes in hulls]
+            assert radius or np.min(outside, axis=0).max() < RECESS
+        volume = sum(ConvexHull(points).volume for points, radius in simulated[link] if not radius)
+        assert volume < sum(ConvexHull(points).volume for points, _ in own[link])

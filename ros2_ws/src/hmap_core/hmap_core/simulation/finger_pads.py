@@ -22,9 +22,10 @@ RADIUS = 0.003  # m of the spheres that make a pad; of smaller ones on long face
 RIM = 0.001  # m that they reach beyond the pad's edges
 SPREAD = (-1.0, 0.0, 1.0)  # where they are, as shares of how far from its middle they may be
 HOLLOW = 1e-4  # m by which all but the corners lie behind these: they touch what is too small for the corners
-RECESS = 2e-3  # m by which the hull is cut off behind the face of its pad: Bullet's hulls are 1 mm larger all round
+RECESS = 2e-3  # m by which hulls are cut off behind the face of its pad: Bullet's hulls are 1 mm larger all round
 TAPER = 0.05  # of linkages: of faces that are nearly parallel, Bullet may find that what is before one is behind it
 LEAST = 1e-3  # m; smaller faces get no pad
+FLAT = 1e-5  # m of thickness; what is left of a hull is no body
 DIGITS = 12  # of a transform that are more than rounding
 PARALLEL = 0.02  # rad; fingers that turn more between closed and open get no pads
 
@@ -45,7 +46,7 @@ def with_pads(model: RobotModel, folder: Path) -> Path:
     for link in tree.getroot().findall("link"):
         name = link.get("name")
         if name is not None and name in pads:
-            _replace(link, urdf.hulls[name], pads[name], folder / f"{name}.obj", TAPER if gripper.openings else 0.0)
+            _replace(link, urdf.hulls[name], pads[name], folder, TAPER if gripper.openings else 0.0)
     path = folder / f"{model.name}.urdf"
     ElementTree.indent(tree)  # Bullet's reader breaks long lines, also within a number
     tree.write(path)
@@ -89,20 +90,26 @@ def _in_end_effector(urdf: Urdf, model: RobotModel, link: str, opening: float) -
     return np.round(np.linalg.inv(T_root_ee) @ urdf.tree.pose(link, values), DIGITS)
 
 
-def _replace(link: ElementTree.Element, hulls, pad, file: Path, taper: float) -> None:
-    """Give a link its hull, cut off behind its pad and written to ``file``, and the pad as collision shapes.
+def _replace(link: ElementTree.Element, hulls, pad, folder: Path, taper: float) -> None:
+    """Give a link its hulls, cut off behind its pad and written to ``folder``, and the pad as collision shapes.
 
-    The cut recedes from the pad by ``taper`` metres for each from the finger's end.
+    The cut recedes from the pad by ``taper`` metres for each from the finger's end. What is all before it is left out.
     """
     size, centre, axes, opening = pad
     for collision in link.findall("collision"):
         link.remove(collision)
-    vertices = np.concatenate([points for points, _ in hulls])
-    up = centre @ axes[:, 2] - vertices @ axes[:, 2]  # from the pad's middle towards the hand
-    missing = centre @ opening - RADIUS + RECESS + taper * (up - up.min()) - vertices @ opening
-    trimesh.PointCloud(vertices + np.outer(np.maximum(missing, 0.0), opening)).convex_hull.export(file)
-    hull = ElementTree.SubElement(link, "collision")
-    ElementTree.SubElement(ElementTree.SubElement(hull, "geometry"), "mesh", filename=str(file))
+    pieces = [vertices for vertices, _ in hulls]
+    end = np.concatenate(pieces) @ axes[:, 2]
+    for k, vertices in enumerate(pieces):
+        behind = taper * (end.max() - vertices @ axes[:, 2])  # the more, the farther towards the hand
+        missing = (centre - vertices) @ opening - RADIUS + RECESS + behind
+        cut = vertices + np.outer(np.maximum(missing, 0.0), opening)
+        if np.linalg.matrix_rank(cut - cut.mean(axis=0), FLAT) < 3:
+            continue
+        file = folder / f"{link.get('name')}_{k}.obj"
+        trimesh.PointCloud(cut).convex_hull.export(file)
+        hull = ElementTree.SubElement(link, "collision")
+        ElementTree.SubElement(ElementTree.SubElement(hull, "geometry"), "mesh", filename=str(file))
     reach = size / 2.0 + RIM - RADIUS
     across, along = reach[0] * axes[:, 0], reach[1] * axes[:, 2]
     for u in SPREAD:
