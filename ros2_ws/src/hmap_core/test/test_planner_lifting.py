@@ -6,7 +6,7 @@ import pytest
 from hmap_core.collision.convex import set_distance
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner import ContactSearchQuery, SegmentQuery, local_components
-from hmap_core.planner.lifting import LIFT, ROOM, drag_tips, lifted, raised
+from hmap_core.planner.lifting import LIFT, ROOM, crosses, drag_tips, lifted, raised
 from hmap_core.planner.surroundings import placed_bodies
 from hmap_core.scenes import load_scene
 from hmap_core.transforms import from_rpy, interpolate, pose
@@ -126,6 +126,46 @@ def test_an_object_whose_path_rises_is_placed_from_above(tmp_path):
     _, way = lifted(scene, state, "tall", contact, poses, placed_bodies(scene, state, "tall"), 0.7)
     np.testing.assert_allclose(way[[1, 2, 6, 7, 8, 9], 2], 0.1 + LIFT)
     np.testing.assert_allclose(way[[0, 3, 4, 5, 10]], poses[[0, 3, 4, 5, 10]])
+
+
+@pytest.mark.parametrize(
+    ("gap", "top", "crossing"),
+    [
+        (0.1, 0.0, True),
+        (0.0, 0.0, True),  # they meet: their heights may differ by a little
+        (0.1, -0.02, False),  # it flies anyway, or falls
+        (None, 0.0, False),  # one stand only
+    ],
+)
+def test_a_level_path_from_one_support_to_another_crosses_an_edge(tmp_path, gap, top, crossing):
+    """Two stands beside each other: dragged level, the object would run into the edge of the second one."""
+    scene = stands(tmp_path, gap, top)
+    poses = path(scene)
+    assert crosses(scene.bodies["tall"], poses, placed_bodies(scene, scene.start_state(), "tall")) == crossing
+
+
+def test_what_crosses_an_edge_is_lifted_over_it(tmp_path):
+    scene = stands(tmp_path, 0.1, 0.0)
+    state, poses = scene.start_state(), path(scene)
+    found = local_components().contacts.find_contacts(ContactSearchQuery(scene, state, "tall", poses))
+    contact = next(
+        c for c in found if c.reach == len(poses) - 1 and not drag_tips(scene.bodies["tall"], c.contact, poses)
+    )
+    _, way = lifted(scene, state, "tall", contact, poses, placed_bodies(scene, state, "tall"), 0.7)
+    np.testing.assert_allclose(way[1:-1, 2], poses[0, 2] + LIFT)
+
+
+def stands(folder, gap, top):
+    """The task on a stand, and its goal on another one, ``gap`` metres apart and ``top`` metres higher."""
+    size = 0.4 if gap is None else 0.2 - gap
+    first = f"  first: {{{{shape: box, size: [{size}, 0.3, 0.1], pose: {{{{xyz: [0.45, -0.1, 0.05]}}}}}}}}\n"
+    second = f"  second: {{{{shape: box, size: [{size}, 0.3, 0.1], pose: {{{{xyz: [0.65, -0.1, {0.05 + top}]}}}}}}}}\n"
+    text = SCENE.replace("movable:", first + ("" if gap is None else second) + "movable:")
+    text = text.replace("size: [0.03, 0.06, 0.20]", "size: [0.06, 0.05, 0.06]")
+    text = text.format(roof=0.9).replace("[0.45, -0.1, 0.1]}, mass", "[0.45, -0.1, 0.13]}, mass")
+    file = folder / "stands.yaml"
+    file.write_text(text.replace("[0.55, -0.1, 0.1]", f"[{0.62 if gap is None else 0.65}, -0.1, 0.13]"))
+    return load_scene(str(file))
 
 
 def test_an_object_passes_over_the_edge_of_its_next_support_with_room(tmp_path):

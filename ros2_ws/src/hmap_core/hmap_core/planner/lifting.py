@@ -3,8 +3,9 @@
 The friction of the support acts on the bottom of a dragged object and rotates it about the closing axis until it stands
 on its leading edge. It then jams between hand and support, whatever the friction of the pads, if the friction has the
 longer lever: mu h > a, with h the height of the grasp above the support and a the distance of the edge ahead of it. An
-object whose path rises anyway leaves its support upwards and reaches the next one from above, since a level motion
-would hit its edge. It passes over the edges of both with ROOM, since objects sag between soft pads by some degrees.
+object whose path rises anyway, or comes from one support to another one, leaves its support upwards and reaches the
+next one from above, since a level motion would hit its edge. It passes over the edges of both with ROOM, since objects
+sag between soft pads by some degrees.
 """
 
 from dataclasses import replace
@@ -15,11 +16,12 @@ from hmap_core.collision.convex import set_distance
 from hmap_core.contacts.feasibility import carried
 from hmap_core.contacts.grasp_torque import weight_torque_ratio
 from hmap_core.contacts.grip_force import lifting_problem, weight_ratio
+from hmap_core.contacts.press import SlidingSupport
 from hmap_core.contacts.push import SlidingBody
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.shapes import body_set
 from hmap_core.planner.interfaces import RobotContact
-from hmap_core.transforms import multiply, pose, rotation_matrix
+from hmap_core.transforms import multiply, pose, rotation_matrices, rotation_matrix
 from hmap_core.types import Body, ContactKind, ContactPoint, Scene, SceneState
 from hmap_core.waypoints import DEFAULT_MIN_DISTANCE, ObjectPathProblem
 from hmap_core.waypoints.checker import Geometry, ObjectChecker
@@ -51,7 +53,7 @@ def lifted(
     if own.kind != ContactKind.GRASP or gripper is None or scene.robots[contact.robot].model.attached is not None:
         return contact, poses
     head, tail = _low(poses), _low(poses[::-1])
-    flies, pads = np.ptp(poses[:, 2]) > LIFT, gripper.reach_at(own.opening)
+    flies, pads = np.ptp(poses[:, 2]) > LIFT or crosses(body, poses, obstacles), gripper.reach_at(own.opening)
     ends = poses[:head], poses[::-1][:tail][::-1]
     if not (flies or any(drag_tips(body, own, end, pads) for end in ends)):
         return contact, poses
@@ -79,6 +81,29 @@ def lifted(
         if len(keyframes) == len(poses):
             return replace(contact, keyframes=keyframes), higher
     return contact, poses
+
+
+def crosses(body: Body, poses: np.ndarray, around: tuple[Body, ...]) -> bool:
+    """Whether a body comes over the edge of a support on which it did not stand at first, along level poses (M, 7)."""
+    slide, tops = SlidingBody(body, poses[0]), SlidingSupport.of(body, poses, around).tops
+    if len(tops) < 2 or not slide.footprint:
+        return False
+    turns = (rotation_matrices(poses) @ slide.level.T)[:, :2, :2]
+
+    def over(k: int) -> list[bool]:
+        feet = [foot @ turns[k].T + poses[k, :2] for foot in slide.footprint]
+        return [any(not (_beside(foot, top) or _beside(top, foot)) for foot in feet) for top in tops]
+
+    first = over(0)
+    return any(now and not before for k in range(1, len(poses)) for now, before in zip(over(k), first, strict=True))
+
+
+def _beside(polygon: np.ndarray, other: np.ndarray) -> bool:
+    """Whether a polygon (n, 2) is beyond one of the edges of a convex, counter-clockwise one, or touches it there."""
+    edges = np.roll(other, -1, axis=0) - other
+    outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / np.linalg.norm(edges, axis=1)[:, None]
+    depth = np.einsum("eni,ei->en", other[:, None] - polygon, outward)  # of each corner inside of each edge
+    return bool((depth.max(axis=1) <= TOUCHED).any())
 
 
 def drag_tips(body: Body, contact: ContactPoint, poses: np.ndarray, pads: float = 0.0) -> bool:
