@@ -149,8 +149,8 @@ def _fates(
             continue
         placed = scene.robots[robot]
         hit = _hit(placed, contact, T, around)
-        slips = hit is None and _slips(scene.bodies[object], contact, placed, T)
-        fates[SLIPS if slips else HAND_FREE if hit is None else f"with the hand in '{hit}'"] += 1
+        slips = not hit and _slips(scene.bodies[object], contact, placed, T)
+        fates[SLIPS if slips else f"with the hand in {' and '.join(map(repr, hit))}" if hit else HAND_FREE] += 1
     return fates
 
 
@@ -161,12 +161,12 @@ def _slips(body: Body, contact: ContactPoint, robot: Robot, T: np.ndarray) -> bo
     return bool(weight_ratio(body, [contact], robot.model, rotation_matrix(T)[2])[0] > 1.0)
 
 
-def _hit(robot: Robot, contact: ContactPoint, T: np.ndarray, around) -> str | None:
-    """The first body that a hand overlaps in a contact on an object at T (7,), or drawn back from it."""
+def _hit(robot: Robot, contact: ContactPoint, T: np.ndarray, around: Sequence[Body]) -> list[str]:
+    """The bodies that a hand overlaps in a contact on an object at T (7,), or else drawn back from it."""
     hand = from_hulls(load_arm(robot.model).hand(free_opening(robot, contact)))
     for T_obj_ee in (contact.T_obj_ee, retreated(contact)):
         T_ee = multiply(T, T_obj_ee)
-        for body in around:
-            if set_distance(hand, T_ee, body_set(body), body.pose, 0.0) < 0.0:
-                return body.name
-    return None
+        hit = [body.name for body in around if set_distance(hand, T_ee, body_set(body), body.pose, 0.0) < 0.0]
+        if hit:
+            return hit
+    return []

@@ -8,7 +8,7 @@ from hmap_core.types import Scene, SceneState
 
 # Probability that a hand serves more than a few poses, below which tools and other hands come before it: about what a
 # search by hand costs, as a share of the choice of a tool with its contacts.
-UNLIKELY = 0.33
+UNLIKELY = 0.25
 
 
 def robot_order(
