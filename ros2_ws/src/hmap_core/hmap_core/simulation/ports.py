@@ -79,7 +79,12 @@ class SimulatedControllers:
         return self._tracking_error
 
     def move(self, robot: Robot, motion: JointTrajectory, start: float | None = None) -> SimulatedCommand:
-        """As :meth:`ControllerPort.move`; the controllers' clock is that of the world."""
+        """As :meth:`ControllerPort.move`; the controllers' clock is that of the world.
+
+        Raises:
+            InputError: the trajectory is malformed.
+            ExecutionError: TRACKING_LOST; the arm is not where it starts.
+        """
         now, arm = self.world.time, self._arms[robot.name]
         try:
             arm.start(motion if start is None else from_instant(motion, start, now), now)
