@@ -146,6 +146,37 @@ class _Looks:
         return found + [(grasp, self._least) for grasp in others if (id(grasp), False) not in self._seen]
 
 
+def _likeliest_first(
+    ranker: ManipulatorRanker,
+    scene: Scene,
+    state: SceneState,
+    object: str,
+    object_poses: np.ndarray,
+    grasps: Sequence[ToolGrasp],
+) -> tuple[list[ToolGrasp], np.ndarray]:
+    """Grasps in the order of how far a ranker expects them to serve, and the probabilities (G,) that they serve more
+    than a few poses.
+
+    Of grasps of which about as much is expected as of the best, those from above come first, then those for which the
+    arm turns little.
+    """
+    p, share = ranker.hold_serves(scene, state, object, object_poses, grasps)
+    expected = p * share
+    way = object_poses[min(FIRST_WAY, len(object_poses) - 1), :3] - object_poses[0, :3]
+
+    def key(k: int) -> tuple[bool, bool, int, float]:
+        if expected[k] < ALIKE * expected.max():
+            return True, False, 0, -expected[k]
+        grasp = grasps[k]
+        above = _from_above(grasp.contact.contact, grasp.T_place)
+        attached = attach_tool(scene, grasp).robots[grasp.robot].model.attached
+        travel = _swing(grasp, state) + (0.0 if attached is None else _turn(grasp, attached, way))
+        return False, not above, round(travel / TURN_STEP), -expected[k]
+
+    order = sorted(range(len(grasps)), key=key)
+    return [grasps[k] for k in order], p[order]
+
+
 class ToolGraspFinder(Protocol):
     """Finds grasps on tools."""
 
@@ -217,7 +248,8 @@ class ToolGraspSearch:
 
         looks = _Looks(bound_of, least_reach(object_poses), time.monotonic() + time_limit)
         if self._ranker is not None:
-            ordered, p = self._best(scene, state, object, object_poses, [g for some in groups for g in some])
+            grasps = [grasp for some in groups for grasp in some]
+            ordered, p = _likeliest_first(self._ranker, scene, state, object, object_poses, grasps)
             if p.max(initial=0.0) < likely:
                 return []
             probable |= {id(grasp) for grasp, each in zip(ordered, p, strict=True) if each >= UNLIKELY}
@@ -236,33 +268,6 @@ class ToolGraspSearch:
         for some in [] if looks.serving else groups:
             looks.at(some, every=True)
         return looks.best()
-
-    def _best(
-        self, scene: Scene, state: SceneState, object: str, object_poses: np.ndarray, grasps: list[ToolGrasp]
-    ) -> tuple[list[ToolGrasp], np.ndarray]:
-        """The grasps in the order of how far the ranker expects them to serve, and the probabilities (G,) that they
-        serve more than a few poses.
-
-        Of grasps of which about as much is expected as of the best, those from above come first, then those for which
-        the arm turns little.
-        """
-        if self._ranker is None or not grasps:
-            return grasps, np.zeros(len(grasps))
-        p, share = self._ranker.hold_serves(scene, state, object, object_poses, grasps)
-        expected = p * share
-        way = object_poses[min(FIRST_WAY, len(object_poses) - 1), :3] - object_poses[0, :3]
-
-        def key(k: int) -> tuple[bool, bool, int, float]:
-            if expected[k] < ALIKE * expected.max():
-                return True, False, 0, -expected[k]
-            grasp = grasps[k]
-            above = _from_above(grasp.contact.contact, grasp.T_place)
-            attached = attach_tool(scene, grasp).robots[grasp.robot].model.attached
-            travel = _swing(grasp, state) + (0.0 if attached is None else _turn(grasp, attached, way))
-            return False, not above, round(travel / TURN_STEP), -expected[k]
-
-        order = sorted(range(len(grasps)), key=key)
-        return [grasps[k] for k in order], p[order]
 
     def holds(self, scene: Scene, state: SceneState, tool: str, robot: str, rng) -> list[RobotContact]:
         """Grasps in which a robot can pick a tool where it stands, far from each other."""
