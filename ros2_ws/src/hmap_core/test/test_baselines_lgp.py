@@ -6,9 +6,13 @@ import pytest
 from hmap_core import planner
 from hmap_core.baselines.lgp.actions import Action, Hand, Target, successors, support_of
 from hmap_core.baselines.lgp.bounds import blockers, contacts_at_switches, target_pose
+from hmap_core.baselines.lgp.paths import BoundedAction, runs_of
 from hmap_core.exceptions import Code, PlannerError
 from hmap_core.plan_file import to_dict
+from hmap_core.planner.interfaces import RobotContact, ToolGrasp
 from hmap_core.scenes import load_scene
+from hmap_core.transforms import IDENTITY
+from hmap_core.types import ContactKind, ContactPoint
 from hmap_core.validation import check
 
 SEED = 1
@@ -33,6 +37,18 @@ def test_every_removable_body_moves_once_and_nothing_follows_the_goal(scene):
 def test_the_text_of_an_action_is_in_the_vocabulary_of_rai(scene):
     text = str(Action(Hand("panda", scene), "cube", Target.GOAL))
     assert text == "touch panda cube; stable panda cube; pose_eq cube goal"
+
+
+def test_actions_with_different_grasps_on_tools_are_problems_of_their_own(scene):
+    contact = ContactPoint(ContactKind.GRASP, IDENTITY, np.zeros(3), np.zeros(3), 0.02, np.zeros(3))
+    grasps = [ToolGrasp("pawn", RobotContact("panda", contact, 0, np.zeros((1, 7))), IDENTITY) for _ in range(2)]
+    bare, one, other = (Hand("panda", scene, grasp) for grasp in (None, *grasps))
+    actions = [
+        BoundedAction(Action(hand, "cube", Target.PLACE), IDENTITY, IDENTITY, [contact])
+        for hand in (one, one, other, bare, Hand("panda", scene), one)
+    ]
+    assert [len(run) for run in runs_of(actions)] == [2, 1, 2, 1]
+    assert Action(one, "cube", Target.GOAL) != Action(other, "cube", Target.GOAL)
 
 
 def test_the_bound_by_poses_does_not_hold_while_the_goal_is_occupied(scene):

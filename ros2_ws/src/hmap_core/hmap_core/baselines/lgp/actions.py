@@ -30,9 +30,9 @@ class Target(StrEnum):
     PLACE = "place"  # above a support
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Hand:
-    """A robot's bare hand, or the tool that it grasps.
+    """A robot's bare hand, or the tool that it grasps; each is one object, which is equal to itself only.
 
     Attributes:
         robot: its name.

@@ -41,8 +41,8 @@ def paths(context: SearchContext, actions: Sequence[BoundedAction], rng: np.rand
         PlannerError: the time is up.
     """
     sequence = SolutionSequence(context.start)
-    runs = groupby(actions, key=lambda own: own.action.hand.grasp)
-    for grasp, run in ((grasp, list(run)) for grasp, run in runs):
+    for run in runs_of(actions):
+        grasp = run[0].action.hand.grasp
         if grasp is not None:
             sequence = steps.pick_tool(context, sequence, grasp)
         transfers = [_transfer(context, sequence, own, rng) for own in run]
@@ -57,6 +57,11 @@ def paths(context: SearchContext, actions: Sequence[BoundedAction], rng: np.rand
             raise MotionError(context.record.reason, Code.NO_MOTION)
         sequence = placed
     return sequence
+
+
+def runs_of(actions: Sequence[BoundedAction]) -> list[list[BoundedAction]]:
+    """Actions in their order, in runs with the same grasp on a tool, or with bare hands."""
+    return [list(run) for _, run in groupby(actions, key=lambda own: id(own.action.hand.grasp))]
 
 
 def _transfer(
