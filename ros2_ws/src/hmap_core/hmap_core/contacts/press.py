@@ -311,8 +311,13 @@ def _polygon(points: np.ndarray) -> np.ndarray:
 
 def _depth_inside(polygon: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Distance (...) of points (..., 2) from the edges of a counter-clockwise polygon (n, 2), m; negative outside."""
+    return edge_depths(polygon, points).min(axis=-1)
+
+
+def edge_depths(polygon: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """How far (..., n) points (..., 2) are inside of each edge of a counter-clockwise polygon (n, 2), m."""
     before = np.roll(polygon, 1, axis=0)
     edge = polygon - before
     edge /= np.linalg.norm(edge, axis=1)[:, None]
     away = points[..., None, :] - before
-    return (edge[:, 0] * away[..., 1] - edge[:, 1] * away[..., 0]).min(axis=-1)
+    return edge[:, 0] * away[..., 1] - edge[:, 1] * away[..., 0]

@@ -47,7 +47,7 @@ def check_executable(plan: Plan) -> None:
         )
     time = plan.trajectory.time
     if len(time) < 2 or time[0] != 0.0 or not (np.diff(time) > 0.0).all():
-        raise _plan_error("its times have to increase from 0, with two samples or more")
+        raise plan_error("its times have to increase from 0, with two samples or more")
     for name, robot in plan.scene.robots.items():
         _check_table(f"joints of '{name}'", plan.trajectory.joints.get(name), (len(time), len(robot.q)))
         if robot.model.gripper:
@@ -55,7 +55,7 @@ def check_executable(plan: Plan) -> None:
     for name, poses in plan.trajectory.objects.items():
         _check_table(f"poses of '{name}'", poses, (len(time), 7))
         if name not in plan.scene.bodies:
-            raise _plan_error(f"it moves '{name}', which is not in its scene")
+            raise plan_error(f"it moves '{name}', which is not in its scene")
     for index, segment in enumerate(plan.segments):
         _check_segment(plan, index, segment)
 
@@ -136,21 +136,22 @@ def _check_segment(plan: Plan, index: int, segment: Segment) -> None:
     if segment.kind is SegmentKind.TOUCH:
         raise InputError(f"segment {index} is a kinematic touch, which carries the object; it cannot be executed")
     if segment.robot not in scene.robots:
-        raise _plan_error(f"segment {index} is of robot '{segment.robot}', which is not in its scene")
+        raise plan_error(f"segment {index} is of robot '{segment.robot}', which is not in its scene")
     if segment.kind is not SegmentKind.TRANSIT and segment.object not in scene.bodies:
-        raise _plan_error(f"segment {index} is a {segment.kind} of '{segment.object}', which is not in its scene")
+        raise plan_error(f"segment {index} is a {segment.kind} of '{segment.object}', which is not in its scene")
     if not 0.0 <= segment.start <= segment.end:
-        raise _plan_error(f"segment {index} goes from {segment.start} s to {segment.end} s")
+        raise plan_error(f"segment {index} goes from {segment.start} s to {segment.end} s")
     if _held_body(plan, segment) is not None and scene.robots[segment.robot].model.gripper is None:
-        raise _plan_error(f"segment {index} is a grasp by robot '{segment.robot}', which has no gripper")
+        raise plan_error(f"segment {index} is a grasp by robot '{segment.robot}', which has no gripper")
 
 
 def _check_table(name: str, table: np.ndarray | None, shape: tuple[int, ...]) -> None:
     if table is None:
-        raise _plan_error(f"its trajectory lacks the {name}")
+        raise plan_error(f"its trajectory lacks the {name}")
     if np.shape(table) != shape or not np.isfinite(table).all():
-        raise _plan_error(f"the {name} in its trajectory have to be {shape} finite numbers, not {np.shape(table)}")
+        raise plan_error(f"the {name} in its trajectory have to be {shape} finite numbers, not {np.shape(table)}")
 
 
-def _plan_error(what: str) -> InputError:
+def plan_error(what: str) -> InputError:
+    """The error of a plan that cannot be executed."""
     return InputError(f"the plan cannot be executed: {what}", Code.INVALID_PLAN_FILE)

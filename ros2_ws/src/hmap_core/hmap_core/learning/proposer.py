@@ -135,8 +135,7 @@ def _likeliest(expected: np.ndarray) -> np.ndarray:
     The order in which contacts are sampled, by their score, says how robust they are: of that nothing is learned.
     """
     alike = expected >= ALIKE * expected.max()
-    order = np.argsort(-expected, kind="stable")
-    return np.concatenate([np.flatnonzero(alike), order[~alike[order]]])
+    return np.argsort(np.where(alike, -np.inf, -expected), kind="stable")
 
 
 def where_known() -> LearnedContacts:

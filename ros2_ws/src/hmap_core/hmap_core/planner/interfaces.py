@@ -48,9 +48,9 @@ class AttachedPath:
     blockers: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ToolGrasp:
-    """A grasp on a tool at rest.
+    """A grasp on a tool at rest; each is one object, which is equal to itself only.
 
     Attributes:
         tool: its name.

@@ -16,7 +16,7 @@ from hmap_core.collision.convex import set_distance
 from hmap_core.contacts.feasibility import carried
 from hmap_core.contacts.grasp_torque import weight_torque_ratio
 from hmap_core.contacts.grip_force import lifting_problem, weight_ratio
-from hmap_core.contacts.press import SlidingSupport
+from hmap_core.contacts.press import SlidingSupport, edge_depths
 from hmap_core.contacts.push import SlidingBody
 from hmap_core.komo.manipulation import Manipulation
 from hmap_core.komo.shapes import body_set
@@ -100,10 +100,7 @@ def crosses(body: Body, poses: np.ndarray, around: tuple[Body, ...]) -> bool:
 
 def _beside(polygon: np.ndarray, other: np.ndarray) -> bool:
     """Whether a polygon (n, 2) is beyond one of the edges of a convex, counter-clockwise one, or touches it there."""
-    edges = np.roll(other, -1, axis=0) - other
-    outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / np.linalg.norm(edges, axis=1)[:, None]
-    depth = np.einsum("eni,ei->en", other[:, None] - polygon, outward)  # of each corner inside of each edge
-    return bool((depth.max(axis=1) <= TOUCHED).any())
+    return bool((edge_depths(other, polygon).max(axis=0) <= TOUCHED).any())
 
 
 def drag_tips(body: Body, contact: ContactPoint, poses: np.ndarray, pads: float = 0.0) -> bool:

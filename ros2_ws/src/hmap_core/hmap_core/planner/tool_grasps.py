@@ -114,16 +114,16 @@ class _Looks:
 
     def __init__(self, bound_of: Callable[[ToolGrasp, bool], _Bound], least: int, deadline: float):
         self._bound_of, self._least, self._deadline = bound_of, least, deadline
-        self._seen: set[tuple[int, bool]] = set()
+        self._seen: set[tuple[ToolGrasp, bool]] = set()
         self.serving: list[tuple[ToolGrasp, _Bound]] = []
 
     def at(self, grasps: Iterable[ToolGrasp], every: bool = False) -> int:
         """Look at grasps that were not looked at; the index of the farthest pose to which one of these may serve."""
         best = -1
         for grasp in grasps:
-            if (id(grasp), every) in self._seen:
+            if (grasp, every) in self._seen:
                 continue
-            self._seen.add((id(grasp), every))
+            self._seen.add((grasp, every))
             bound = self._bound_of(grasp, every)
             best = max(best, bound.reach)
             if bound.reach >= self._least:
@@ -143,7 +143,7 @@ class _Looks:
     def best(self, others: Sequence[ToolGrasp] = ()) -> list[tuple[ToolGrasp, int]]:
         """The grasps that serve, the best first, then others that were not looked at; with how far each may serve."""
         found = [(grasp, bound.reach) for grasp, bound in sorted(self.serving, key=_by_reach)]
-        return found + [(grasp, self._least) for grasp in others if (id(grasp), False) not in self._seen]
+        return found + [(grasp, self._least) for grasp in others if (grasp, False) not in self._seen]
 
 
 def _likeliest_first(
@@ -240,10 +240,10 @@ class ToolGraspSearch:
             if within_reach(scene, state, robot, tool, object)
         ]
 
-        probable: set[int] = set()  # grasps, by identity, that the ranker expects to serve
+        probable: set[ToolGrasp] = set()  # that the ranker expects to serve
 
         def bound_of(grasp: ToolGrasp, every: bool) -> _Bound:
-            attached, first = attach_tool(scene, grasp), self._informed if id(grasp) in probable else None
+            attached, first = attach_tool(scene, grasp), self._informed if grasp in probable else None
             return self._bound(attached, state, object, object_poses, grasp, rng, first, every)
 
         looks = _Looks(bound_of, least_reach(object_poses), time.monotonic() + time_limit)
@@ -252,7 +252,7 @@ class ToolGraspSearch:
             ordered, p = _likeliest_first(self._ranker, scene, state, object, object_poses, grasps)
             if p.max(initial=0.0) < likely:
                 return []
-            probable |= {id(grasp) for grasp, each in zip(ordered, p, strict=True) if each >= UNLIKELY}
+            probable |= {grasp for grasp, each in zip(ordered, p, strict=True) if each >= UNLIKELY}
             # where none is probable, the order says little: tools may be of a kind that the ranker does not know
             for k, grasp in enumerate(ordered[:LOOKED_AT] if probable else []):
                 looks.at([grasp])
@@ -261,7 +261,7 @@ class ToolGraspSearch:
             if likely and not looks.serving:
                 return []  # the ranker was wrong: hands come first, as without it, before all grasps are looked at
             if probable and not looks.serving:
-                looks.at_groups([[grasp for grasp in some if id(grasp) in probable] for some in groups])
+                looks.at_groups([[grasp for grasp in some if grasp in probable] for some in groups])
             if looks.serving:
                 return looks.best(ordered)
         looks.at_groups(groups)

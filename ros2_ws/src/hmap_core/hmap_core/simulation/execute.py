@@ -8,12 +8,12 @@ from contextlib import closing
 
 import numpy as np
 
-from hmap_core.exceptions import Code, InputError
+from hmap_core.exceptions import InputError
 from hmap_core.execution.drift import DriftTolerance
 from hmap_core.execution.plan_executor import PlanExecutor, Progress
 from hmap_core.execution.recovery import RecoveryPolicy, Replanner
 from hmap_core.execution.report import ClosedLoopReport, ExecutionReport
-from hmap_core.execution.stretches import Stretch, check_executable
+from hmap_core.execution.stretches import Stretch, check_executable, plan_error
 from hmap_core.simulation.engines import MUJOCO, PYBULLET, open_world
 from hmap_core.simulation.physics_world import PhysicsWorld
 from hmap_core.simulation.ports import SimulatedControllers, simulated_ports
@@ -85,10 +85,9 @@ def _check_start(plan: Plan) -> None:
         off = np.abs(plan.trajectory.joints[name][0] - q)
         if off.max() > START_TOLERANCE:
             joint = plan.scene.robots[name].model.joint_names[int(off.argmax())]
-            raise InputError(
-                f"the plan cannot be executed: it starts {off.max():.3f} rad from where joint '{joint}' of '{name}' is "
-                f"in its scene; {START_TOLERANCE:g} is allowed",
-                Code.INVALID_PLAN_FILE,
+            raise plan_error(
+                f"it starts {off.max():.3f} rad from where joint '{joint}' of '{name}' is in its scene; "
+                f"{START_TOLERANCE:g} is allowed"
             )
 
 

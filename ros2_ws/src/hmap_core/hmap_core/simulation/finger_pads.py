@@ -99,9 +99,9 @@ def _replace(link: ElementTree.Element, hulls, pad, folder: Path, taper: float) 
     for collision in link.findall("collision"):
         link.remove(collision)
     pieces = [vertices for vertices, _ in hulls]
-    end = np.concatenate(pieces) @ axes[:, 2]
+    end = (np.concatenate(pieces) @ axes[:, 2]).max()
     for k, vertices in enumerate(pieces):
-        behind = taper * (end.max() - vertices @ axes[:, 2])  # the more, the farther towards the hand
+        behind = taper * (end - vertices @ axes[:, 2])  # the more, the farther towards the hand
         missing = (centre - vertices) @ opening - RADIUS + RECESS + behind
         cut = vertices + np.outer(np.maximum(missing, 0.0), opening)
         if np.linalg.matrix_rank(cut - cut.mean(axis=0), FLAT) < 3:

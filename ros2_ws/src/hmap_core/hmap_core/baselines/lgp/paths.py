@@ -61,7 +61,7 @@ def paths(context: SearchContext, actions: Sequence[BoundedAction], rng: np.rand
 
 def runs_of(actions: Sequence[BoundedAction]) -> list[list[BoundedAction]]:
     """Actions in their order, in runs with the same grasp on a tool, or with bare hands."""
-    return [list(run) for _, run in groupby(actions, key=lambda own: id(own.action.hand.grasp))]
+    return [list(run) for _, run in groupby(actions, key=lambda own: own.action.hand.grasp)]
 
 
 def _transfer(
